@@ -1,0 +1,1 @@
+"""Perception modules: worker processes that read sensor frames and write fluents."""

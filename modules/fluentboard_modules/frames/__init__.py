@@ -1,0 +1,1 @@
+"""Sensor frames and where they come from."""

@@ -1,0 +1,1 @@
+"""Semantic mapping (chapter 3): planes, furniture hypotheses, furniture fluents."""

@@ -1,0 +1,1 @@
+"""Scenes with known truth, a simulated RGB-D sensor and robots."""

@@ -1,0 +1,1 @@
+"""The ontologies of fluentboard, as files that travel with the package."""

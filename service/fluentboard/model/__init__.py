@@ -1,0 +1,1 @@
+"""Words of the project: intervals, fluents, geometry, YAML."""
