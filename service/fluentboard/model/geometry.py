@@ -161,11 +161,26 @@ class Pose:
         if best == 0:
             q = (r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + trace)
         elif best == 1:
-            q = (1.0 + 2.0 * r[0, 0] - trace, r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2])
+            q = (
+                1.0 + 2.0 * r[0, 0] - trace,
+                r[0, 1] + r[1, 0],
+                r[0, 2] + r[2, 0],
+                r[2, 1] - r[1, 2],
+            )
         elif best == 2:
-            q = (r[0, 1] + r[1, 0], 1.0 + 2.0 * r[1, 1] - trace, r[1, 2] + r[2, 1], r[0, 2] - r[2, 0])
+            q = (
+                r[0, 1] + r[1, 0],
+                1.0 + 2.0 * r[1, 1] - trace,
+                r[1, 2] + r[2, 1],
+                r[0, 2] - r[2, 0],
+            )
         else:
-            q = (r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 + 2.0 * r[2, 2] - trace, r[1, 0] - r[0, 1])
+            q = (
+                r[0, 2] + r[2, 0],
+                r[1, 2] + r[2, 1],
+                1.0 + 2.0 * r[2, 2] - trace,
+                r[1, 0] - r[0, 1],
+            )
         quaternion = np.asarray(q, dtype=np.float64)
         quaternion /= np.linalg.norm(quaternion)
         x, y, z = (float(v) for v in transform.translation)
