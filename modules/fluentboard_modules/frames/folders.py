@@ -277,7 +277,7 @@ class TumRgbd:
         if depths[0][0] + shift_s <= 0.0:  # a recording that counts from zero
             shift_s = FIRST_STAMP_S - depths[0][0]
 
-        files = []
+        files: list[FrameFiles] = []
         for index, (stamp_s, fields) in enumerate(depths):
             colour = _nearest(colour_stamps_s, stamp_s)
             pose = _nearest(pose_stamps_s, stamp_s)
@@ -383,7 +383,7 @@ def _read_gravity(path: Path) -> FloatArray | None:
 
 def _read_stamped_lines(path: Path) -> list[tuple[float, list[str]]]:
     """Sorted (stamp in seconds, other fields) of a TUM list; lines with # are comments."""
-    lines = []
+    lines: list[tuple[float, list[str]]] = []
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
         fields = line.replace(",", " ").split()
         if not fields or fields[0].startswith("#"):
