@@ -28,8 +28,21 @@ _NAME = re.compile(r"[\w.:@+~-]{1,256}")
 _TERM = re.compile(r"[^\s<>\"{}|\\^`]{1,512}")
 
 _INTEGER_TYPES = frozenset(
-    "integer long int short byte nonNegativeInteger positiveInteger nonPositiveInteger "
-    "negativeInteger unsignedLong unsignedInt unsignedShort unsignedByte".split()
+    [
+        "integer",
+        "long",
+        "int",
+        "short",
+        "byte",
+        "nonNegativeInteger",
+        "positiveInteger",
+        "nonPositiveInteger",
+        "negativeInteger",
+        "unsignedLong",
+        "unsignedInt",
+        "unsignedShort",
+        "unsignedByte",
+    ]
 )
 _LEXICAL = {
     "decimal": re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)"),

@@ -1,0 +1,1 @@
+"""The blackboard without a network: journal, projections, subscriptions."""
