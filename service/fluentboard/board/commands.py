@@ -93,7 +93,8 @@ def decide(command: Command, current: Fluent | None) -> Event | None:
         current: the fluent of that name as it stands, or None if there is none.
 
     Raises:
-        FluentExists, NotARefinement, IntervalReversed, UnknownFluent, VersionMismatch, InvalidInput.
+        FluentExists, NotARefinement, IntervalReversed, UnknownFluent, VersionMismatch,
+            InvalidInput: each as its class says.
     """
     if isinstance(command, AssertFluent):
         return _decide_assertion(command, current)
