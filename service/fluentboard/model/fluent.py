@@ -10,51 +10,20 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from fluentboard.errors import (
     IntervalReversed,
     InvalidName,
     InvalidTime,
-    InvalidValue,
     NotARefinement,
 )
 from fluentboard.model.interval import UNKNOWN, Certainty, Interval
+from fluentboard.model.literals import Value, literal_value
 
-Value = str | int | float | bool
-
-# Word characters of any script and a few signs that stand unescaped in an IRI path and in Turtle.
-_NAME = re.compile(r"[\w.:@+~-]{1,256}")
-_TERM = re.compile(r"[^\s<>\"{}|\\^`]{1,512}")
-
-_INTEGER_TYPES = frozenset(
-    [
-        "integer",
-        "long",
-        "int",
-        "short",
-        "byte",
-        "nonNegativeInteger",
-        "positiveInteger",
-        "nonPositiveInteger",
-        "negativeInteger",
-        "unsignedLong",
-        "unsignedInt",
-        "unsignedShort",
-        "unsignedByte",
-    ]
-)
-_LEXICAL = {
-    "decimal": re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)"),
-    "dateTime": re.compile(r"-?\d{4,}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?"),
-    "date": re.compile(r"-?\d{4,}-\d\d-\d\d(Z|[+-]\d\d:\d\d)?"),
-    "time": re.compile(r"\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?"),
-    "duration": re.compile(r"-?P(?=.)(\d+Y)?(\d+M)?(\d+D)?(T(?=.)(\d+H)?(\d+M)?(\d+(\.\d+)?S)?)?"),
-    "anyURI": re.compile(r"[^\s<>\"{}|\\^`]*"),
-    "string": re.compile(r".*", re.DOTALL),
-}
-XSD_TYPES = frozenset({"boolean", "float", "double", *_INTEGER_TYPES, *_LEXICAL})
-"""Local names of the XSD types that a property value may have."""
+# Word characters of any script and a few signs that stand unescaped in an IRI path and in Turtle;
+# "." and ".." are taken: a path that ends in one means another path.
+_NAME = re.compile(r"(?!\.\.?\Z)[\w.:@+~-]{1,256}")
+_TERM = re.compile(r"[^\s\x00-\x20\x7f<>\"{}|\\^`\ud800-\udfff]{1,512}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +53,12 @@ class Property:
                 "or the class of the fluent it refers to"
             )
         if self.type.startswith("xsd:"):
-            if type(self.value) is float and self.type in ("xsd:float", "xsd:double"):
-                if -1e38 < self.value < 1e38:
-                    return
+            if (
+                type(self.value) is float
+                and -1e38 < self.value < 1e38
+                and self.type in ("xsd:float", "xsd:double")
+            ):
+                return
             object.__setattr__(self, "value", literal_value(self.name, self.type, self.value))
         elif type(self.value) is not str or not _NAME.fullmatch(self.value):
             raise InvalidName(
@@ -98,52 +70,6 @@ class Property:
     def is_reference(self) -> bool:
         """The value names another fluent."""
         return not self.type.startswith("xsd:")
-
-
-def literal_value(name: str, xsd_type: str, value: Any) -> Value:
-    """The value as the Python type of its XSD type; text is parsed.
-
-    Raises:
-        InvalidValue: the type is not supported, or the value is not one of it.
-    """
-    local = xsd_type.removeprefix("xsd:")
-    if local not in XSD_TYPES:
-        raise InvalidValue(
-            f"property {name} has type {xsd_type}, which is not supported; use one of "
-            + ", ".join(f"xsd:{known}" for known in sorted(XSD_TYPES))
-        )
-    problem = InvalidValue(f"property {name} has value {value!r}, which is not an {xsd_type}")
-    if local == "boolean":
-        if isinstance(value, bool):
-            return value
-        text = str(value).strip().lower()
-        if text in ("true", "1", "false", "0"):
-            return text in ("true", "1")
-        raise problem
-    if local in ("float", "double"):
-        if isinstance(value, bool):
-            raise problem
-        try:
-            number = float(value)
-        except (TypeError, ValueError, OverflowError):
-            raise problem from None
-        largest = 3.4028234663852886e38 if local == "float" else math.inf
-        if not math.isfinite(number) or abs(number) > largest:
-            raise InvalidValue(
-                f"property {name} has value {value!r}; an {xsd_type} on the board is finite"
-            )
-        return number
-    if local in _INTEGER_TYPES:
-        if isinstance(value, bool) or (isinstance(value, float) and not value.is_integer()):
-            raise problem
-        try:
-            return int(value)
-        except (TypeError, ValueError, OverflowError):
-            raise problem from None
-    text = value if isinstance(value, str) else str(value)
-    if not _LEXICAL[local].fullmatch(text):
-        raise problem
-    return text
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,29 +215,59 @@ class Fluent:
     def merged(self, other: Fluent) -> Fluent:
         """This fluent refined by all that a second account of it says.
 
-        What the other account leaves unknown stays as it is here.
+        What the other account leaves unknown, or says less precisely, stays as it is here, so an
+        account that agrees is never an error and the order of agreeing accounts does not matter.
 
         Raises:
-            NotARefinement: the accounts contradict each other in class or intervals.
+            NotARefinement: the accounts contradict each other: they name different fluents or
+                classes, or their intervals do not overlap.
         """
+        if other.name != self.name:
+            raise NotARefinement(
+                f"an account of {other.name!r} says nothing about {self.name!r}; merge accounts of "
+                "the same fluent",
+                name=self.name,
+            )
         if other.class_name != self.class_name:
             raise NotARefinement(
                 f"fluent {self.name!r} is a {self.class_name}; it cannot become a "
                 f"{other.class_name}. End it and assert a new fluent",
                 name=self.name,
             )
-        return self.refined(
-            _intersection(self.start, other.start),
-            _intersection(self.finish, other.finish),
-            other.properties,
+        start = _intersection(self.name, "start", self.start, other.start)
+        finish = _intersection(self.name, "finish", self.finish, other.finish)
+        begins, ends = start.earliest, finish.latest
+        if begins is not None and ends is not None and begins > ends:
+            raise NotARefinement(
+                f"two accounts of {self.name!r} contradict each other: together they say that it "
+                f"started at {begins} s at the earliest and finished at {ends} s at the latest. "
+                "Correct one of them, or give it another name",
+                name=self.name,
+            )
+        known = set(self.properties)
+        added = [statement for statement in other.properties if statement not in known]
+        if not added and start == self.start and finish == self.finish:
+            return self
+        return replace(self, start=start, finish=finish, properties=(*self.properties, *added))
+
+
+def _intersection(name: str, what: str, known: Interval, said: Interval) -> Interval:
+    """All times that both accounts admit; an unknown side admits everything."""
+    if said.is_unknown or known == said:
+        return known
+    if known.is_unknown:
+        return said
+    earliest, latest = said.earliest, said.latest
+    if earliest is None or (known.earliest is not None and known.earliest > earliest):
+        earliest = known.earliest
+    if latest is None or (known.latest is not None and known.latest < latest):
+        latest = known.latest
+    if earliest is not None and latest is not None and earliest > latest:
+        raise NotARefinement(
+            f"{what} of {name!r} is known to lie in [{known.earliest}, {known.latest}] s, which "
+            f"[{said.earliest}, {said.latest}] s contradicts: no time lies in both. Assert a new "
+            "fluent for what happened at another time, or have an admin force the correction with "
+            "a reason",
+            name=name,
         )
-
-
-def _intersection(known: Interval, said: Interval) -> Interval | None:
-    """What `said` adds to `known`, or None if it says nothing."""
-    if said.is_unknown:
-        return None
-    return Interval(
-        known.earliest if said.earliest is None else said.earliest,
-        known.latest if said.latest is None else said.latest,
-    )
+    return Interval(earliest, latest)

@@ -25,7 +25,7 @@ def _finite(name: str, values: Sequence[float]) -> None:
             raise InvalidGeometry(f"{name} holds {value}; every coordinate must be a finite number")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Transform:
     """A rigid motion, `p_target = rotation @ p_source + translation`.
 
@@ -97,6 +97,14 @@ class Transform:
     def __matmul__(self, other: Transform) -> Transform:
         return Transform(self.matrix @ other.matrix)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Transform):
+            return NotImplemented
+        return np.array_equal(self.matrix, other.matrix)
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.matrix.flat))
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:
@@ -130,6 +138,9 @@ class Pose:
             raise InvalidGeometry(
                 f"pose has a quaternion of length {length:.4f}; divide it by its length"
             )
+        if abs(length - 1.0) > 1e-9:  # as printed with a few digits; a rotation needs all of them
+            for part in ("qx", "qy", "qz", "qw"):
+                object.__setattr__(self, part, getattr(self, part) / length)
 
     @classmethod
     def from_rpy(
@@ -257,7 +268,7 @@ class BoundingBox:
         return np.all(np.abs(local) <= 0.5 * self.sizes, axis=-1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Plane:
     """The plane of all p with `normal . p = offset_m`.
 
@@ -285,6 +296,14 @@ class Plane:
     def signed_distance(self, points: FloatArray) -> FloatArray:
         """Distances `(n,)` in metres of the points `(n, 3)`, positive on the normal's side."""
         return points @ self.normal - self.offset_m
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Plane):
+            return NotImplemented
+        return self.offset_m == other.offset_m and np.array_equal(self.normal, other.normal)
+
+    def __hash__(self) -> int:
+        return hash((*self.normal.flat, self.offset_m))
 
 
 def _wrapped(angle_rad: float) -> float:

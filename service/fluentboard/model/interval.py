@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from numbers import Real
 from typing import Any
 
 from fluentboard.errors import IntervalReversed, InvalidTime
@@ -30,9 +31,12 @@ def checked_time(value: Any, what: str) -> float | None:
     """
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise InvalidTime(f"{what} is {value!r}; give seconds as a number, or null for unknown")
-    seconds = float(value)
+    try:
+        seconds = float(value)
+    except OverflowError:
+        seconds = math.inf
     if not math.isfinite(seconds):
         raise InvalidTime(
             f"{what} is {seconds}; give a finite number of seconds, or null for unknown"

@@ -49,7 +49,8 @@ def fluent_from_json(document: Any, where: str = "fluent") -> Fluent:
     unknown = body.keys() - _FLUENT_KEYS
     if unknown:
         raise InvalidInput(
-            f"{where} has the unknown key {min(unknown)!r}; keys are {', '.join(sorted(_FLUENT_KEYS))}"
+            f"{where} has the unknown key {min(unknown)!r}; keys are "
+            + ", ".join(sorted(_FLUENT_KEYS))
         )
     for key in ("name", "class"):
         if key not in body:
@@ -92,7 +93,8 @@ def interval_from_json(value: Any, what: str) -> Interval:
     except FluentboardError as problem:
         raise type(problem)(f"{what}.{problem.message}") from None
     raise InvalidInput(
-        f"{what} is {value!r}; give [earliest, latest] in seconds with null for unknown, or one number"
+        f"{what} is {value!r}; give [earliest, latest] in seconds with null for unknown, or one "
+        "number"
     )
 
 
