@@ -1,0 +1,209 @@
+"""Depth noise of a structured-light camera, after measurements of the Kinect.
+
+Sources: axial and lateral noise from Nguyen, Izadi and Lovell, "Modeling Kinect sensor noise for
+improved 3D reconstruction and tracking", 3DIMPVT 2012; quantisation of the disparity to 1/8 px from
+Khoshelham and Elberink, Sensors 12 (2012).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from fluentboard.model.geometry import FloatArray
+
+_STEEPEST_RAD = math.radians(89.0)
+
+
+class NoiseConfig(BaseModel):
+    """How a depth camera errs. The defaults are a Kinect; `NoiseConfig.none()` is exact."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    axial: float = Field(1.0, ge=0.0)
+    """Factor on the standard deviation of the depth; 1 as measured (Nguyen 2012, Eq. 3)."""
+
+    lateral: float = Field(1.0, ge=0.0)
+    """Factor on the sideways wander of a pixel; 1 as measured (Nguyen 2012, Eq. 2)."""
+
+    quantisation: bool = True
+    """Round the disparity to `disparity_step_px` (Khoshelham 2012)."""
+
+    disparity_step_px: float = Field(0.125, gt=0.0)
+    """Kinect: 1/8 pixel."""
+
+    shadow: bool = True
+    """Lose the depth that the infrared projector cannot see past a nearer edge."""
+
+    baseline_m: float = Field(0.075, gt=0.0)
+    """Projector to camera, to the right in the image (Khoshelham 2012: 7.5 cm)."""
+
+    focal_px: float = Field(580.0, gt=0.0)
+    """Of the camera the formulas were measured with, at 640 px image width."""
+
+    grazing_from_rad: float = Field(math.radians(75.0), ge=0.0, le=math.pi / 2)
+    """Incidence from which pixels get lost; Nguyen measured clean data up to 60 deg and rapid decay
+    beyond, the ramp is ours."""
+
+    grazing_to_rad: float = Field(math.radians(87.0), ge=0.0, le=math.pi / 2)
+    """Incidence from which every pixel is lost."""
+
+    dropout: float = Field(0.001, ge=0.0, le=1.0)
+    """Share of pixels lost for no visible reason."""
+
+    @classmethod
+    def none(cls) -> NoiseConfig:
+        """A camera without error."""
+        return cls(
+            axial=0.0,
+            lateral=0.0,
+            quantisation=False,
+            shadow=False,
+            grazing_from_rad=math.pi / 2,
+            grazing_to_rad=math.pi / 2,
+            dropout=0.0,
+        )
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether nothing would be changed."""
+        return self == NoiseConfig.none()
+
+
+@dataclass(frozen=True, slots=True)
+class NoisyDepth:
+    """A depth image after the noise.
+
+    Attributes:
+        depth_m: `(h, w)` float32; 0 where nothing was measured.
+        source: `(h, w)` int64; flat index of the pixel of the clean images that each pixel shows,
+            for labels and other images that must agree with the depth.
+    """
+
+    depth_m: NDArray[np.float32]
+    source: NDArray[np.int64]
+
+
+def axial_sigma_m(depth_m: FloatArray, incidence_rad: FloatArray) -> FloatArray:
+    """Standard deviation of the depth in metres (Nguyen 2012, Eq. 3).
+
+    sigma_z(z, a) = 0.0012 + 0.0019 (z - 0.4)^2 + 0.0001 / sqrt(z) * (a / (pi/2 - a))^2
+
+    Args:
+        depth_m: `(...)`; z, positive.
+        incidence_rad: `(...)`; a, the angle between the line of sight and the surface normal.
+    """
+    steep = _steepness(incidence_rad)
+    frontal = 0.0012 + 0.0019 * (depth_m - 0.4) ** 2
+    return frontal + 0.0001 / np.sqrt(np.maximum(depth_m, 1e-3)) * steep**2
+
+
+def lateral_sigma_px(incidence_rad: FloatArray) -> FloatArray:
+    """Standard deviation of a pixel's sideways position at 640 px width (Nguyen 2012, Eq. 2).
+
+    sigma_L(a) = 0.8 + 0.035 a / (pi/2 - a)
+    """
+    return 0.8 + 0.035 * _steepness(incidence_rad)
+
+
+def _steepness(incidence_rad: FloatArray) -> FloatArray:
+    """The factor a / (pi/2 - a), cut off below 90 deg where it has its pole."""
+    angle = np.minimum(incidence_rad, _STEEPEST_RAD)
+    return angle / (0.5 * math.pi - angle)
+
+
+def quantised(depth_m: FloatArray, config: NoiseConfig) -> FloatArray:
+    """Depths whose disparity f b / z is a multiple of the disparity step; 0 stays 0."""
+    product = config.focal_px * config.baseline_m
+    known = depth_m > 0.0
+    disparity = product / np.where(known, depth_m, 1.0)
+    steps = np.maximum(np.rint(disparity / config.disparity_step_px), 1.0)
+    return np.where(known, product / (steps * config.disparity_step_px), 0.0)
+
+
+def projector_shadow(depth_m: FloatArray, focal_px: float, baseline_m: float) -> NDArray[np.bool_]:
+    """`(h, w)`; which pixels the projector, `baseline_m` to the right of the camera, cannot reach.
+
+    Every row is drawn into the projector's own row, where the nearest surface wins; what lies more
+    than two pixels of disparity behind it is in its shadow, to the left of the nearer surface.
+
+    Args:
+        depth_m: `(h, w)`; 0 or infinite where there is no surface.
+        focal_px: of the camera.
+        baseline_m: metres.
+    """
+    height, width = depth_m.shape
+    known = np.isfinite(depth_m) & (depth_m > 0.0)
+    disparity = np.where(known, focal_px * baseline_m / np.where(known, depth_m, 1.0), 0.0)
+    reach = int(np.ceil(disparity.max(initial=0.0))) + 1
+    row, column = np.nonzero(known)
+    own = disparity[row, column]
+    place = column - own + reach
+    left = np.floor(place).astype(np.int64)
+    nearest = np.zeros((height, width + reach + 2))
+    # Both neighbouring columns are drawn, so that a slanted surface has no gaps to shine through.
+    np.maximum.at(nearest, (row, left), own)
+    np.maximum.at(nearest, (row, left + 1), own)
+    shadow = np.zeros(depth_m.shape, dtype=np.bool_)
+    between = np.minimum(nearest[row, left], nearest[row, left + 1])
+    shadow[row, column] = between > own + 2.0
+    return shadow
+
+
+def noisy_depth(
+    depth_m: NDArray[np.float32],
+    incidence_rad: FloatArray,
+    focal_px: float,
+    config: NoiseConfig,
+    rng: np.random.Generator,
+) -> NoisyDepth:
+    """What the camera measures instead of the true depth.
+
+    Args:
+        depth_m: `(h, w)`; true depth in metres, 0 or infinite where there is nothing.
+        incidence_rad: `(h, w)`; angle between the line of sight and the surface normal.
+        focal_px: of the camera; a smaller image has a smaller lateral noise in pixels.
+        config: which errors, and how large.
+        rng: source of all randomness.
+    """
+    clean = np.where(np.isfinite(depth_m), depth_m, 0.0).astype(np.float64)
+    lost = clean <= 0.0
+    if config.shadow:
+        lost = lost | projector_shadow(clean, focal_px, config.baseline_m)
+    ramp = max(config.grazing_to_rad - config.grazing_from_rad, 1e-9)
+    fading = (incidence_rad - config.grazing_from_rad) / ramp
+    if (fading > 0.0).any():
+        lost = lost | (rng.random(clean.shape) < fading)
+    clean = np.where(lost, 0.0, clean)
+
+    source = np.arange(clean.size).reshape(clean.shape)
+    if config.lateral > 0.0:
+        sigma = config.lateral * lateral_sigma_px(incidence_rad) * focal_px / config.focal_px
+        source = _wandered(clean.shape, sigma, rng)
+    depth = clean.ravel()[source]
+    known = depth > 0.0
+    if config.axial > 0.0:
+        sigma = config.axial * axial_sigma_m(depth, incidence_rad.ravel()[source])
+        depth = np.where(known, depth + sigma * rng.standard_normal(depth.shape), 0.0)
+    if config.quantisation:
+        depth = quantised(depth, config)
+    if config.dropout > 0.0:
+        depth = np.where(rng.random(depth.shape) < config.dropout, 0.0, depth)
+    return NoisyDepth(np.maximum(depth, 0.0).astype(np.float32), source)
+
+
+def _wandered(
+    shape: tuple[int, ...], sigma_px: FloatArray, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """`(h, w)`; flat index of the pixel that each pixel shows after a Gaussian sideways step."""
+    height, width = shape
+    row, column = np.indices(shape)
+    row_step = np.rint(sigma_px * rng.standard_normal(shape)).astype(np.int64)
+    column_step = np.rint(sigma_px * rng.standard_normal(shape)).astype(np.int64)
+    return np.clip(row + row_step, 0, height - 1) * width + np.clip(
+        column + column_step, 0, width - 1
+    )
