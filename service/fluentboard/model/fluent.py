@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from fluentboard.errors import (
     IntervalReversed,
@@ -18,12 +19,17 @@ from fluentboard.errors import (
     NotARefinement,
 )
 from fluentboard.model.interval import UNKNOWN, Certainty, Interval
-from fluentboard.model.literals import Value, literal_value
+from fluentboard.model.literals import Value, literal_value, shown
 
 # Word characters of any script and a few signs that stand unescaped in an IRI path and in Turtle;
 # "." and ".." are taken: a path that ends in one means another path.
 _NAME = re.compile(r"(?!\.\.?\Z)[\w.:@+~-]{1,256}")
-_TERM = re.compile(r"[^\s\x00-\x20\x7f<>\"{}|\\^`\ud800-\udfff]{1,512}")
+_TERM = re.compile(r"[^\s\x00-\x20\x7f<>\"{}|\\^`\ud800-\udfff]+")
+
+
+@lru_cache(maxsize=8192)  # the same few classes and properties are named again and again
+def _is_term(text: str) -> bool:
+    return _TERM.fullmatch(text) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,25 +51,28 @@ class Property:
     value: Value
 
     def __post_init__(self) -> None:
-        if type(self.name) is not str or not _TERM.fullmatch(self.name):
-            raise InvalidName(f"property name {self.name!r} is not a name or an IRI")
-        if type(self.type) is not str or not _TERM.fullmatch(self.type):
+        name, kind, value = self.name, self.type, self.value
+        if type(name) is not str or len(name) > 512 or not _is_term(name):
             raise InvalidName(
-                f"property {self.name} has type {self.type!r}; give an XSD type such as xsd:float, "
-                "or the class of the fluent it refers to"
+                f"property name {shown(name)} is not a name or an IRI of at most 512 characters"
             )
-        if self.type.startswith("xsd:"):
+        if type(kind) is not str or len(kind) > 512 or not _is_term(kind):
+            raise InvalidName(
+                f"property {name} has type {shown(kind)}; give an XSD type such as xsd:float, or "
+                "the class of the fluent it refers to"
+            )
+        if kind[:4] == "xsd:":
             if (
-                type(self.value) is float
-                and -1e38 < self.value < 1e38
-                and self.type in ("xsd:float", "xsd:double")
+                type(value) is float
+                and -1e38 < value < 1e38
+                and kind in ("xsd:float", "xsd:double")
             ):
                 return
-            object.__setattr__(self, "value", literal_value(self.name, self.type, self.value))
-        elif type(self.value) is not str or not _NAME.fullmatch(self.value):
+            object.__setattr__(self, "value", literal_value(name, kind, value))
+        elif type(value) is not str or not _NAME.fullmatch(value):
             raise InvalidName(
-                f"property {self.name} refers to {self.value!r}; a fluent's name has letters, "
-                "digits and . : @ + ~ - _ only, and at most 256 of them"
+                f"property {name} refers to {shown(value)}; a fluent's name has letters, digits "
+                "and . : @ + ~ - _ only, and at most 256 of them"
             )
 
     @property
@@ -103,12 +112,14 @@ class Fluent:
     def __post_init__(self) -> None:
         if type(self.name) is not str or not _NAME.fullmatch(self.name):
             raise InvalidName(
-                f"fluent name {self.name!r}: use letters, digits and . : @ + ~ - _ only, and at "
-                "most 256 of them"
+                f"fluent name {shown(self.name)}: use letters, digits and . : @ + ~ - _ only, and "
+                "at most 256 of them"
             )
-        if type(self.class_name) is not str or not _TERM.fullmatch(self.class_name):
+        kind = self.class_name
+        if type(kind) is not str or len(kind) > 512 or not _is_term(kind):
             raise InvalidName(
-                f"class {self.class_name!r} of fluent {self.name!r} is not a class name"
+                f"class {shown(kind)} of fluent {self.name!r} is not a name or an IRI of at most "
+                "512 characters"
             )
         begins, ends = self.start.earliest, self.finish.latest
         if begins is not None and ends is not None and begins > ends:
@@ -116,9 +127,12 @@ class Fluent:
                 f"fluent {self.name!r} finishes before it can have started (start.earliest "
                 f"{begins} s, finish.latest {ends} s); correct one of the two"
             )
-        unique = tuple(dict.fromkeys(self.properties))
-        if len(unique) != len(self.properties) or type(self.properties) is not tuple:
-            object.__setattr__(self, "properties", unique)
+        statements = self.properties
+        if type(statements) is not tuple:
+            object.__setattr__(self, "properties", statements := tuple(statements))
+        # Statements under different names differ, and names are cheaper to compare.
+        if len({statement.name for statement in statements}) < len(statements):
+            object.__setattr__(self, "properties", tuple(dict.fromkeys(statements)))
 
     @property
     def start_bounds(self) -> tuple[float, float]:

@@ -73,24 +73,24 @@ def literal_value(name: str, xsd_type: str, value: Any) -> Value:
         found = _whole(value)
     else:
         raise InvalidValue(
-            f"property {name} has type {_shown(xsd_type)}, which is not supported; use one of "
+            f"property {name} has type {shown(xsd_type)}, which is not supported; use one of "
             + ", ".join(f"xsd:{known}" for known in sorted(XSD_TYPES))
         )
     if found is None:
         raise InvalidValue(
-            f"property {name} has value {_shown(value)}, which is not an {xsd_type}"
+            f"property {name} has value {shown(value)}, which is not an {xsd_type}"
             + _ADVICE.get(local, "")
         )
     if local in _LARGEST and not abs(float(found)) <= min(_LARGEST[local], sys.float_info.max):
         raise InvalidValue(
-            f"property {name} has value {_shown(value)}; an {xsd_type} on the board is finite and "
+            f"property {name} has value {shown(value)}; an {xsd_type} on the board is finite and "
             f"at most {min(_LARGEST[local], sys.float_info.max):.3g}"
         )
     if local in _INTEGER_RANGES:
         low, high = _INTEGER_RANGES[local]
         if not low <= int(found) <= high:
             raise InvalidValue(
-                f"property {name} has value {_shown(value)}; an {xsd_type} on the board lies in "
+                f"property {name} has value {shown(value)}; an {xsd_type} on the board lies in "
                 f"[{low}, {high}]"
             )
     return found
@@ -139,7 +139,7 @@ def _whole(value: Any) -> int | None:
     return number if number == value else None
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """The value for a message, cut so that a huge one does not fill the log."""
     try:
         text = repr(value)
