@@ -1,8 +1,8 @@
 """The ontologies of fluentboard: their texts, their namespaces, and nothing else.
 
 `upper` holds what every robot's board speaks about, `race` the restaurant of the thesis, and
-`furniture` planes, pieces of furniture and the rules that recognise them. The texts are Turtle files
-inside this package.
+`furniture` planes, pieces of furniture and the rules that recognise them. The texts are Turtle
+files inside this package.
 
     >>> read("upper").startswith("# The upper ontology")
     True
