@@ -59,11 +59,15 @@ class StatementsChanged:
         graph: IRI of the named graph, or "" for the default graph.
         added: N-Triples text.
         removed: N-Triples text.
+        ontology: name of the ontology that this loads or replaces, or "".
+        digest: fingerprint of the ontology's source text, or "".
     """
 
     graph: str
     added: str
     removed: str
+    ontology: str = ""
+    digest: str = ""
 
     kind = "statements"
 

@@ -1,0 +1,388 @@
+"""The one entry point: a command goes in, it is journalled and projected, events come out."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pyoxigraph as ox
+
+from fluentboard.board.class_closure import use_class_closure
+from fluentboard.board.commands import (
+    AssertFluent,
+    Command,
+    CorrectFluent,
+    RefineFluent,
+    name_of,
+)
+from fluentboard.board.events import Commit
+from fluentboard.board.intervals import FluentFilter, IntervalIndex, passes
+from fluentboard.board.journal import Durability, SqliteJournal
+from fluentboard.board.projections import Projections
+from fluentboard.board.store import EmbeddedStore, QueryResults
+from fluentboard.board.triples import fluent_iri, fluent_name, term
+from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.board.writer import Listener, Request, Writer
+from fluentboard.clock import Clock, SystemClock
+from fluentboard.errors import FluentboardError, InvalidInput
+from fluentboard.model.fluent import Fluent, Property
+from fluentboard_ontology import PREFIXES
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A part of a listing.
+
+    Attributes:
+        fluents: as they stand, or stood, in the order of their first assertion.
+        next: where the next page starts, or None after the last.
+    """
+
+    fluents: tuple[Fluent, ...]
+    next: int | None
+
+
+class Blackboard:
+    """Facts with uncertain intervals, never removed, only ended. Safe to use from any thread.
+
+    Use `Blackboard.open`. A write returns when it is durable and visible to every reader.
+
+    Example:
+        >>> board = Blackboard.open(None)
+        >>> commit = board.execute([AssertFluent(Fluent("mug1", "Mug"))], author="example")
+        >>> board.fluent("mug1").version == commit.number
+        True
+        >>> board.close()
+    """
+
+    def __init__(self, projections: Projections, clock: Clock, scratch: Path | None) -> None:
+        self._projections = projections
+        self._journal = projections.journal
+        self.clock = clock
+        self._scratch = scratch
+        self._writer = Writer(projections, clock)
+
+    @classmethod
+    def open(
+        cls,
+        data: Path | None,
+        *,
+        durability: Durability = "disk",
+        ontologies: Sequence[Path] = (),
+        clock: Clock | None = None,
+        builtin_ontologies: bool = True,
+    ) -> Blackboard:
+        """Opens a board, recovers it if need be, and loads its ontologies.
+
+        Args:
+            data: folder of the journal and the RDF store, created if missing; None keeps nothing.
+            durability: "disk" fsyncs before a write returns, "process" does not.
+            ontologies: Turtle or RDF/XML files to load on top.
+            clock: where transaction times and `now` come from; the system by default.
+            builtin_ontologies: load `upper`, `race` and `furniture`.
+
+        Raises:
+            StorageFailed: the folder is in use, damaged or not writable.
+            InvalidOntology: an ontology file is missing or does not parse.
+        """
+        clock = clock or SystemClock()
+        scratch = Path(tempfile.mkdtemp(prefix="fluentboard-")) if data is None else None
+        folder = scratch or data or Path()
+        journal: SqliteJournal | None = None
+        try:
+            if data is not None:
+                _make_folder(folder)
+            journal = SqliteJournal(
+                folder / "journal.sqlite", "process" if data is None else durability
+            )
+            store = EmbeddedStore(None if data is None else folder / "store")
+            projections = Projections(journal, store, IntervalIndex())
+            projections.recover(trust_store=durability == "disk" or store.is_clean)
+            board = cls(projections, clock, scratch)
+        except BaseException:
+            if journal is not None:
+                journal.close()
+            if scratch is not None:
+                shutil.rmtree(scratch, ignore_errors=True)
+            raise
+        try:
+            board.load_ontologies(ontologies, builtin=builtin_ontologies)
+        except BaseException:
+            board.close()
+            raise
+        return board
+
+    def load_ontologies(self, files: Sequence[Path], *, builtin: bool = False) -> None:
+        """Loads ontologies; one that is loaded already and has not changed costs nothing.
+
+        Raises:
+            InvalidOntology: a file is missing or does not parse; none of them is loaded.
+        """
+        changes = self._projections.ontology_changes(files, builtin=builtin)
+        if changes:
+            self._writer.submit(Request((), "fluentboard", statements=changes)).result()
+
+    def submit(
+        self,
+        commands: Sequence[Command],
+        author: str,
+        *,
+        idempotency_key: str | None = None,
+    ) -> Future[Commit]:
+        """Asks for a batch, all or nothing; the future is done when it is durable and visible.
+
+        A batch that changes nothing gives the present commit number and no events. The same
+        idempotency key gives the first answer again.
+        """
+        try:
+            request = Request(
+                tuple(self._normalised(command) for command in commands),
+                author,
+                idempotency_key,
+                _digest(commands, author) if idempotency_key else None,
+            )
+        except FluentboardError as problem:
+            refused: Future[Commit] = Future()
+            refused.set_exception(problem)
+            return refused
+        return self._writer.submit(request)
+
+    def execute(
+        self, commands: Sequence[Command], author: str, *, idempotency_key: str | None = None
+    ) -> Commit:
+        """Like `submit`, but waits.
+
+        Raises:
+            FluentboardError: the first command that was refused says why; nothing was stored.
+        """
+        return self.submit(commands, author, idempotency_key=idempotency_key).result()
+
+    @property
+    def commit(self) -> int:
+        """Number of the last commit that all projections have applied."""
+        return self._projections.applied
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """What the loaded ontologies declare."""
+        return self._projections.vocabulary
+
+    @property
+    def failure(self) -> str | None:
+        """Why the board accepts no writes, or None while it does."""
+        return self._writer.failure
+
+    def __len__(self) -> int:
+        return len(self._projections.index)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._projections.index
+
+    def fluent(self, name: str, as_of: int | None = None) -> Fluent:
+        """A fluent as it stands, or as it stood after a commit.
+
+        Raises:
+            UnknownFluent: it was not asserted (by then).
+        """
+        return self._projections.fluent(name, as_of)
+
+    def history(self, name: str) -> list[Commit]:
+        """The commits that changed a fluent, each with the events about it alone.
+
+        Raises:
+            UnknownFluent: it was never asserted.
+        """
+        return self._journal.history(name)
+
+    def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
+        """Commits with numbers in (after, up_to], in order."""
+        return self._journal.commits(after, up_to)
+
+    def commit_at(self, wall_s: float) -> int:
+        """Number of the last commit made at or before a wall-clock time."""
+        return self._journal.commit_at(wall_s)
+
+    def list(self, wanted: FluentFilter, *, after: int = 0, limit: int = 100) -> Page:
+        """Fluents that pass a filter, in the order of their first assertion.
+
+        Args:
+            wanted: the filter.
+            after: where to go on: 0, or `next` of the page before.
+            limit: how many at most.
+
+        Raises:
+            UnknownClass: the filter names a class that no ontology declares.
+        """
+        rows = self._matching_rows(wanted)
+        found: list[Fluent] = []
+        index = self._projections.index
+        for row in rows:
+            if row < after:
+                continue
+            if len(found) == limit:
+                return Page(tuple(found), row)
+            fluent = self.fluent(index.name(row), wanted.as_of)
+            if wanted.as_of is None or self._passes(fluent, wanted):
+                found.append(fluent)
+        return Page(tuple(found), None)
+
+    def _matching_rows(self, wanted: FluentFilter) -> list[int]:
+        rows, doubtful = self._projections.index.rows(wanted, self._class_test(wanted))
+        candidates: list[int] = sorted((*rows.tolist(), *doubtful.tolist()))
+        if wanted.property_name is None or wanted.as_of is not None:
+            return candidates
+        named = self._with_property(wanted.property_name, wanted.property_value)
+        return [row for row in candidates if self._projections.index.name(row) in named]
+
+    def _with_property(self, name: str, value: str | None) -> set[str]:
+        """Names of the fluents that have a property, with a value if one is given."""
+        pattern = f"?s <{self.vocabulary.property_iri(name)}> ?o"
+        if value is not None:
+            # A query parameter does not say its type: any literal of that text, or that fluent.
+            text, iri = (
+                term(Property(name, "xsd:string", one), self.vocabulary)
+                for one in (value, fluent_iri(value))
+            )
+            pattern += f" FILTER(STR(?o) IN ({text}, {iri}))"
+        results = self.query(f"SELECT DISTINCT ?s WHERE {{ {pattern} }}")
+        assert isinstance(results, ox.QuerySolutions)
+        subjects = (row[0] for row in results)
+        names = (fluent_name(s.value) for s in subjects if isinstance(s, ox.NamedNode))
+        return {found for found in names if found is not None}
+
+    def _passes(self, fluent: Fluent, wanted: FluentFilter) -> bool:
+        if wanted.property_name is not None:
+            values = [
+                str(v) for v in fluent.values(self.vocabulary.property_name(wanted.property_name))
+            ]
+            if not values or (
+                wanted.property_value is not None and wanted.property_value not in values
+            ):
+                return False
+        return passes(fluent, wanted, self._class_test(wanted))
+
+    def _class_test(self, wanted: FluentFilter) -> Callable[[str], bool]:
+        if wanted.class_name is None:
+            return lambda _name: True
+        vocabulary = self.vocabulary
+        below = vocabulary.subclasses(vocabulary.class_iri(wanted.class_name))
+        return lambda name: vocabulary.class_iri(name) in below
+
+    def query(
+        self,
+        sparql: str,
+        *,
+        default_graphs: Sequence[ox.NamedNode | ox.BlankNode | ox.DefaultGraph] | None = None,
+        named_graphs: Sequence[ox.NamedNode | ox.BlankNode] | None = None,
+    ) -> QueryResults:
+        """The results of a SPARQL query over the whole history of facts.
+
+        Raises:
+            InvalidQuery: it does not parse, or cannot be evaluated.
+        """
+        if default_graphs is None:
+            sparql = self._rewritten(sparql)
+        return self._projections.store.query(sparql, default_graphs, named_graphs)
+
+    def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
+        """The results of a query, with the number of the commit that they are exact at."""
+        return self._projections.store.snapshot_query(self._rewritten(sparql))
+
+    def listen(self, callback: Listener) -> Callable[[], None]:
+        """Has every group of commits passed on as soon as it is applied.
+
+        Args:
+            callback: called in the writer's thread, so it must return at once.
+
+        Returns:
+            Call it to stop listening.
+        """
+        return self._writer.listen(callback)
+
+    def remarks(self, commands: Sequence[Command]) -> list[str]:
+        """What is allowed but perhaps not meant: undeclared properties, dangling references."""
+        new = {name_of(command) for command in commands}
+        found: dict[str, None] = {}
+        for command in commands:
+            for statement in _properties(command):
+                if not self.vocabulary.declares_property(statement.name):
+                    found[f"property {statement.name!r} is in no loaded ontology"] = None
+                target = str(statement.value)
+                if statement.is_reference and target not in new and target not in self:
+                    found[
+                        f"{name_of(command)!r} refers to {target!r}, which is not on the board"
+                    ] = None
+        return list(found)
+
+    def close(self) -> None:
+        """Finishes what was asked for, then lets go of all files. Closing twice is harmless."""
+        if self._writer.close():
+            self._projections.close()
+            if self._scratch is not None:
+                shutil.rmtree(self._scratch, ignore_errors=True)
+
+    def __enter__(self) -> Blackboard:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _rewritten(self, sparql: str) -> str:
+        return use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
+
+    def _normalised(self, command: Command) -> Command:
+        """The command in the short names the board keeps; unknown classes are refused here."""
+        if isinstance(command, AssertFluent | CorrectFluent):
+            fluent = command.fluent
+            class_name = self.vocabulary.class_name(fluent.class_name)
+            properties = self._normalised_properties(fluent.properties)
+            if class_name == fluent.class_name and properties is fluent.properties:
+                return command
+            return replace(
+                command, fluent=replace(fluent, class_name=class_name, properties=properties)
+            )
+        if isinstance(command, RefineFluent) and command.properties:
+            return replace(command, properties=self._normalised_properties(command.properties))
+        return command
+
+    def _normalised_properties(self, properties: tuple[Property, ...]) -> tuple[Property, ...]:
+        vocabulary = self.vocabulary
+        changed = False
+        normal: list[Property] = []
+        for statement in properties:
+            kind = (
+                vocabulary.class_name(statement.type) if statement.is_reference else statement.type
+            )
+            name = vocabulary.property_name(statement.name)
+            if kind != statement.type or name != statement.name:
+                changed = True
+                statement = Property(name, kind, statement.value)
+            normal.append(statement)
+        return tuple(normal) if changed else properties
+
+
+def _properties(command: Command) -> tuple[Property, ...]:
+    if isinstance(command, AssertFluent | CorrectFluent):
+        return command.fluent.properties
+    return command.properties if isinstance(command, RefineFluent) else ()
+
+
+def _digest(commands: Sequence[Command], author: str) -> str:
+    return hashlib.sha256(repr((author, *commands)).encode()).hexdigest()
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InvalidInput(
+            f"cannot make the data folder {folder}: {problem}; give a writable folder with --data"
+        ) from None

@@ -1,0 +1,238 @@
+"""Projections: everything that is derived from the journal, kept in step with it."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyoxigraph as ox
+
+from fluentboard.board.events import Commit, StatementsChanged
+from fluentboard.board.intervals import IntervalIndex
+from fluentboard.board.journal import SqliteJournal
+from fluentboard.board.store import EmbeddedStore
+from fluentboard.board.triples import event_lines, fluent_lines
+from fluentboard.board.vocabulary import Statement, Vocabulary, parse_statements
+from fluentboard.errors import InvalidOntology, UnknownFluent
+from fluentboard.model.fluent import Fluent
+from fluentboard_ontology import ONTOLOGIES, read
+
+logger = logging.getLogger(__name__)
+
+_RECENT_MAX = 50_000
+_REBUILD_LINES = 200_000
+_MARK_EVERY = 1_000
+
+
+class Projections:
+    """The RDF store, the interval index, the vocabulary and recent fluents.
+
+    Only the writer's thread changes them; any thread reads.
+    """
+
+    def __init__(self, journal: SqliteJournal, store: EmbeddedStore, index: IntervalIndex) -> None:
+        self.journal = journal
+        self.store = store
+        self.index = index
+        self.vocabulary = Vocabulary()
+        self._ontologies: dict[str, StatementsChanged] = {}
+        self._recent: dict[str, Fluent] = {}
+        self._marked = 0
+        self.applied = 0
+
+    def fluent(self, name: str, as_of: int | None = None) -> Fluent:
+        """A fluent as it stands, or as it stood after a commit.
+
+        Raises:
+            UnknownFluent: it was not asserted (by then).
+        """
+        if as_of is None:
+            recent = self._recent.get(name)
+            if recent is not None:
+                return recent
+            if name not in self.index:
+                raise UnknownFluent(
+                    f"no fluent {name!r} on the board; names are case-sensitive, GET /fluents "
+                    "lists them",
+                    name=name,
+                )
+        return self.journal.fluent(name, as_of)
+
+    def apply(self, commits: Sequence[Commit]) -> None:
+        """Brings all projections to the last of the commits.
+
+        Raises:
+            StorageFailed: the RDF store cannot be written.
+        """
+        last = commits[-1].number
+        for commit in commits:
+            if commit.statements:
+                self._apply_statements(commit.statements, commit.number)
+        self._apply_events(commits, last)
+        self.applied = last
+        if last - self._marked >= _MARK_EVERY:
+            self.store.mark(state="open")
+            self._marked = last
+
+    def recover(self, *, trust_store: bool) -> None:
+        """Reads the journal into memory and replays into the store what it has not seen.
+
+        Args:
+            trust_store: the store holds nothing that the journal lost; otherwise it is rebuilt.
+        """
+        last = self.journal.last
+        for change in self.journal.statements():
+            if change.ontology:
+                self._ontologies[change.ontology] = change
+        self.vocabulary = self._vocabulary()
+        for name, class_name, s1, s2, f1, f2, number in self.journal.outlines():
+            self.index.put_outline(
+                name, class_name, (*_bounds(s1, s2, -math.inf), *_bounds(f1, f2, math.inf)), number
+            )
+        seen = self.store.applied
+        if not trust_store or seen > last or (seen == 0 and last > 0):
+            self._rebuild(last)
+        elif seen < last:
+            logger.info("replaying commits %s to %s into the RDF store", seen + 1, last)
+            group: list[Commit] = []
+            for commit in self.journal.commits(seen):
+                group.append(commit)
+                if len(group) == _MARK_EVERY:
+                    self.apply(group)
+                    group = []
+            if group:
+                self.apply(group)
+        self.applied = last
+        self._marked = last
+        self.store.mark(state="open")
+
+    def ontology_changes(
+        self, files: Sequence[Path], *, builtin: bool
+    ) -> tuple[StatementsChanged, ...]:
+        """What loading these ontologies would change; empty if they are all loaded already.
+
+        Raises:
+            InvalidOntology: a file is missing or does not parse.
+        """
+        sources = [(name, read(name)) for name in ONTOLOGIES] if builtin else []
+        for file in files:
+            try:
+                sources.append((file.stem, file.read_text(encoding="utf-8")))
+            except (OSError, UnicodeDecodeError) as problem:
+                raise InvalidOntology(f"cannot read the ontology {file}: {problem}") from None
+        changes: list[StatementsChanged] = []
+        for name, text in sources:
+            digest = hashlib.sha256(text.encode()).hexdigest()
+            loaded = self._ontologies.get(name)
+            if loaded is not None and loaded.digest == digest:
+                continue
+            triples = parse_statements(text, f"ontology {name!r}", f"urn:fluentboard:{name}")
+            added = _serialised(triples)
+            changes.append(
+                StatementsChanged("", added, loaded.added if loaded else "", name, digest)
+            )
+        return tuple(changes)
+
+    def close(self) -> None:
+        """Lets go of all files."""
+        self.store.close()
+        self.journal.close()
+
+    def _apply_events(self, commits: Sequence[Commit], last: int) -> None:
+        added: dict[str, None] = {}
+        removed: dict[str, None] = {}
+        changed: dict[str, tuple[Fluent, int]] = {}
+        for commit in commits:
+            for event in commit.events:
+                new, old = event_lines(event, self.vocabulary)
+                for line in old:
+                    # Added by an earlier commit of this group: it never reaches the store.
+                    if line in added:
+                        del added[line]
+                    else:
+                        removed[line] = None
+                for line in new:
+                    if line in removed:
+                        del removed[line]
+                    else:
+                        added[line] = None
+                self.index.put([(event.after, commit.number)])
+                changed[event.after.name] = (event.after, commit.number)
+        self.store.apply("".join(added), "".join(removed), last)
+        for name, (fluent, _) in changed.items():
+            self._recent.pop(name, None)
+            self._recent[name] = fluent
+        while len(self._recent) > _RECENT_MAX:
+            self._recent.pop(next(iter(self._recent)))
+
+    def _apply_statements(self, changes: Iterable[StatementsChanged], number: int) -> None:
+        old_closure = self.vocabulary.closure()
+        for change in changes:
+            graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
+            self.store.apply_statements(
+                _quads(change.added, graph), _quads(change.removed, graph), number
+            )
+            if change.ontology:
+                self._ontologies[change.ontology] = change
+        # Another ontology may say some of the removed statements too.
+        for change in self._ontologies.values():
+            self.store.apply_statements(_quads(change.added, ox.DefaultGraph()), (), number)
+        self.vocabulary = self._vocabulary()
+        closure = self.vocabulary.closure()
+        self.store.apply_statements(
+            _quads(_text(closure - old_closure), ox.DefaultGraph()),
+            _quads(_text(old_closure - closure), ox.DefaultGraph()),
+            number,
+        )
+
+    def _vocabulary(self) -> Vocabulary:
+        return Vocabulary(
+            triple for change in self._ontologies.values() for triple in _triples(change.added)
+        )
+
+    def _rebuild(self, last: int) -> None:
+        logger.info("rebuilding the RDF store from the journal (%s commits)", last)
+        self.store.clear()
+        for change in self.journal.statements():
+            graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
+            self.store.apply_statements(
+                _quads(change.added, graph), _quads(change.removed, graph), 0
+            )
+        for change in self._ontologies.values():
+            self.store.apply_statements(_quads(change.added, ox.DefaultGraph()), (), 0)
+        closure = _text(self.vocabulary.closure())
+        self.store.apply_statements(_quads(closure, ox.DefaultGraph()), (), 0)
+        lines: list[str] = []
+        for fluent in self.journal.fluents():
+            lines += fluent_lines(fluent, self.vocabulary)
+            if len(lines) >= _REBUILD_LINES:
+                self.store.bulk_load(lines)
+                lines = []
+        self.store.bulk_load(lines)
+        self.store.apply("", "", last)
+
+
+def _bounds(earliest: Any, latest: Any, unknown: float) -> tuple[float, float]:
+    if earliest is None and latest is None:
+        return unknown, unknown
+    return -math.inf if earliest is None else earliest, math.inf if latest is None else latest
+
+
+def _serialised(triples: Iterable[ox.Triple]) -> str:
+    return "".join(f"{triple} .\n" for triple in triples)
+
+
+def _text(statements: Iterable[Statement]) -> str:
+    return "".join(f"{s} {p} {o} .\n" for s, p, o in statements)
+
+
+def _triples(text: str) -> list[ox.Triple]:
+    return [quad.triple for quad in ox.parse(text, format=ox.RdfFormat.N_TRIPLES)]
+
+
+def _quads(text: str, graph: ox.NamedNode | ox.DefaultGraph) -> list[ox.Quad]:
+    return [ox.Quad(t.subject, t.predicate, t.object, graph) for t in _triples(text)]

@@ -1,0 +1,205 @@
+"""The RDF store, a projection: SPARQL over fluents, ontologies and other statements.
+
+The embedded store is Oxigraph on RocksDB. One process owns its folder; everybody else speaks HTTP.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyoxigraph as ox
+
+from fluentboard.errors import InvalidQuery, StorageFailed
+from fluentboard_ontology import FB, PREFIXES
+
+QueryResults = ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean
+GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
+
+_PREFIXES = dict(PREFIXES)
+_META = ox.NamedNode(FB + "meta")
+_APPLIED = ox.NamedNode(FB + "appliedCommit")
+_STATE = ox.NamedNode(FB + "state")
+_INTEGER = ox.NamedNode("http://www.w3.org/2001/XMLSchema#integer")
+
+
+class EmbeddedStore:
+    """Oxigraph in this process.
+
+    Reads see whole groups of commits: each `apply` is one transaction, and every query runs on the
+    snapshot taken when it starts.
+
+    Args:
+        folder: where RocksDB keeps its files, or None for memory.
+
+    Raises:
+        StorageFailed: the folder is in use by another process, or damaged.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        try:
+            self._store = ox.Store() if folder is None else ox.Store(str(folder))
+        except OSError as problem:
+            raise StorageFailed(
+                f"cannot open the RDF store in {folder}: {problem}. If another fluentboard uses "
+                "it, stop that one; if the files are damaged, delete the folder and start again: "
+                "it is rebuilt from the journal"
+            ) from None
+        self._applying = threading.Lock()
+        # Odd while a group is applied: lets a reader prove that its snapshot is of one commit.
+        self._sequence = 0
+        self._applied = self._marked()
+
+    @property
+    def applied(self) -> int:
+        """Number of the last commit applied."""
+        return self._applied
+
+    @property
+    def is_clean(self) -> bool:
+        """The store was closed in order, or is new."""
+        marks = [q.object for q in self._store.quads_for_pattern(None, _STATE, None, _META)]
+        return not any(isinstance(mark, ox.Literal) and mark.value == "open" for mark in marks)
+
+    def __len__(self) -> int:
+        return len(self._store)
+
+    def apply(self, added: str, removed: str, commit: int) -> None:
+        """Adds and removes statements of the default graph in one transaction.
+
+        Args:
+            added: N-Triples text without blank nodes.
+            removed: N-Triples text without blank nodes.
+            commit: number of the last commit that this brings the store to.
+
+        Raises:
+            StorageFailed: the disk is full or broken; the transaction left no trace.
+        """
+        with self._applying:
+            self._sequence += 1
+            try:
+                if removed:
+                    self._store.update(f"DELETE DATA {{ {removed} }} ; INSERT DATA {{ {added} }}")
+                elif added:
+                    self._store.load(added.encode(), format=ox.RdfFormat.N_TRIPLES)
+                self._applied = commit
+            except OSError as problem:
+                raise StorageFailed(f"the RDF store cannot be written: {problem}") from None
+            finally:
+                self._sequence += 1
+
+    def apply_statements(
+        self, added: Iterable[ox.Quad], removed: Iterable[ox.Quad], commit: int
+    ) -> None:
+        """Adds and removes quads; unlike `apply` it keeps the names of blank nodes."""
+        with self._applying:
+            self._sequence += 1
+            try:
+                self._store.extend(added)
+                for quad in removed:
+                    self._store.remove(quad)
+                self._applied = commit
+            except OSError as problem:
+                raise StorageFailed(f"the RDF store cannot be written: {problem}") from None
+            finally:
+                self._sequence += 1
+
+    def bulk_load(self, lines: Sequence[str]) -> None:
+        """Adds many N-Triples lines to the default graph, fast and without a transaction."""
+        self._store.bulk_load("".join(lines).encode(), format=ox.RdfFormat.N_TRIPLES)
+
+    def clear(self) -> None:
+        """Removes everything; used before a rebuild."""
+        self._store.clear()
+        self._applied = 0
+
+    def mark(self, *, state: str) -> None:
+        """Notes durably which commit the store is at.
+
+        Args:
+            state: "open" while a process writes, "closed" after an orderly stop.
+        """
+        old = list(self._store.quads_for_pattern(None, None, None, _META))
+        mark = [
+            ox.Quad(_META, _APPLIED, ox.Literal(str(self._applied), datatype=_INTEGER), _META),
+            ox.Quad(_META, _STATE, ox.Literal(state), _META),
+        ]
+        # First add, then remove: a crash in between leaves two marks, and the lower one counts.
+        self._store.extend(mark)
+        for quad in old:
+            if quad not in mark:
+                self._store.remove(quad)
+
+    def query(
+        self,
+        sparql: str,
+        default_graphs: Sequence[GraphName] | None = None,
+        named_graphs: Sequence[ox.NamedNode | ox.BlankNode] | None = None,
+        **extra: Any,
+    ) -> QueryResults:
+        """The results of a query on the snapshot of this moment.
+
+        Args:
+            sparql: SPARQL 1.1 text; well-known prefixes need no declaration.
+            default_graphs: merged into the default graph; by default the store's own.
+            named_graphs: what `GRAPH` sees; by default all but the board's own notes.
+            extra: passed to Oxigraph (substitutions, custom_functions).
+
+        Raises:
+            InvalidQuery: it does not parse, or cannot be evaluated.
+        """
+        if named_graphs is None and "GRAPH" in sparql.upper():
+            named_graphs = [g for g in self._store.named_graphs() if g != _META]
+        try:
+            return self._store.query(
+                sparql,
+                prefixes=_PREFIXES,
+                default_graph=None if default_graphs is None else list(default_graphs),
+                named_graphs=None if named_graphs is None else list(named_graphs),
+                **extra,
+            )
+        except SyntaxError as problem:
+            raise InvalidQuery(f"the query does not parse: {problem}") from None
+        except (ValueError, OSError) as problem:
+            raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
+
+    def snapshot_query(self, sparql: str, **options: Any) -> tuple[int, QueryResults]:
+        """The results of a query, with the number of the commit they are exact at."""
+        for _ in range(4):
+            sequence = self._sequence
+            if sequence % 2 == 0:
+                commit = self._applied
+                results = self.query(sparql, **options)
+                if self._sequence == sequence:
+                    return commit, results
+        with self._applying:
+            return self._applied, self.query(sparql, **options)
+
+    def subjects(self, predicate: str, value: ox.NamedNode | ox.Literal) -> list[str]:
+        """IRIs of all subjects with that value in the default graph."""
+        pattern = (None, ox.NamedNode(predicate), value, ox.DefaultGraph())
+        return [
+            quad.subject.value
+            for quad in self._store.quads_for_pattern(*pattern)
+            if isinstance(quad.subject, ox.NamedNode)
+        ]
+
+    def flush(self) -> None:
+        """Writes memory tables to disk."""
+        self._store.flush()
+
+    def close(self) -> None:
+        """Marks the store as closed in order and lets go of its files."""
+        self.mark(state="closed")
+        self._store.flush()
+        del self._store
+
+    def _marked(self) -> int:
+        marks = [
+            int(quad.object.value)
+            for quad in self._store.quads_for_pattern(None, _APPLIED, None, _META)
+            if isinstance(quad.object, ox.Literal)
+        ]
+        return min(marks, default=0)

@@ -1,0 +1,245 @@
+"""The writer: one thread that turns requests into commits, many of them per fsync."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+
+from fluentboard.board.commands import Command, CorrectFluent, decide, name_of
+from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
+from fluentboard.board.journal import KeyedCommit
+from fluentboard.board.projections import Projections
+from fluentboard.clock import Clock
+from fluentboard.errors import (
+    FluentboardError,
+    IdempotencyConflict,
+    StorageFailed,
+    UnknownFluent,
+)
+from fluentboard.model.fluent import Fluent
+
+logger = logging.getLogger(__name__)
+
+Listener = Callable[[Sequence[Commit]], None]
+
+_GROUP_REQUESTS_MAX = 256
+_GROUP_COMMANDS_MAX = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A batch that somebody waits for."""
+
+    commands: tuple[Command, ...]
+    author: str
+    key: str | None = None
+    digest: str | None = None
+    statements: tuple[StatementsChanged, ...] = ()
+    answer: Future[Commit] = field(default_factory=lambda: Future[Commit]())
+
+
+class Writer:
+    """Group commit: requests that arrive while the disk is busy share the next fsync.
+
+    Each request becomes one commit with its own number, or is refused on its own; a refused request
+    does not disturb the others of its group.
+    """
+
+    def __init__(self, projections: Projections, clock: Clock) -> None:
+        self._projections = projections
+        self._journal = projections.journal
+        self._clock = clock
+        self._waiting: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._listeners: tuple[Listener, ...] = ()
+        self._guard = threading.Lock()
+        self._closed = False
+        self.failure: str | None = None
+        self._thread = threading.Thread(target=self._run, name="fluentboard-writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, request: Request) -> Future[Commit]:
+        """Queues a request; its future is done when the commit is durable and projected."""
+        with self._guard:
+            if self._closed:
+                request.answer.set_exception(StorageFailed("the board is closed; open it again"))
+            else:
+                self._waiting.put(request)
+        return request.answer
+
+    def listen(self, callback: Listener) -> Callable[[], None]:
+        """Adds a listener; the returned function removes it."""
+        with self._guard:
+            self._listeners = (*self._listeners, callback)
+
+        def stop() -> None:
+            with self._guard:
+                self._listeners = tuple(one for one in self._listeners if one is not callback)
+
+        return stop
+
+    def close(self) -> bool:
+        """Finishes what was queued and stops; False if it was closed before."""
+        with self._guard:
+            if self._closed:
+                return False
+            self._closed = True
+            self._waiting.put(None)
+        self._thread.join()
+        return True
+
+    def _run(self) -> None:
+        while True:
+            group, stopping = self._next_group()
+            if group:
+                try:
+                    self._commit(group)
+                except BaseException as problem:
+                    logger.exception("the writer met an unexpected error")
+                    for request in group:
+                        if not request.answer.done():
+                            request.answer.set_exception(problem)
+            if stopping:
+                return
+
+    def _next_group(self) -> tuple[list[Request], bool]:
+        first = self._waiting.get()
+        if first is None:
+            return [], True
+        group, commands = [first], len(first.commands)
+        while len(group) < _GROUP_REQUESTS_MAX and commands < _GROUP_COMMANDS_MAX:
+            try:
+                request = self._waiting.get_nowait()
+            except queue.Empty:
+                break
+            if request is None:
+                return group, True
+            group.append(request)
+            commands += len(request.commands)
+        return group, False
+
+    def _commit(self, group: list[Request]) -> None:
+        if self.failure is not None:
+            for request in group:
+                request.answer.set_exception(StorageFailed(self.failure))
+            return
+        accepted: list[tuple[Request, KeyedCommit]] = []
+        answered: list[tuple[Request, Commit | FluentboardError]] = []
+        pending: dict[str, Fluent] = {}
+        for request in group:
+            try:
+                outcome = self._decide(request, accepted, pending)
+            except FluentboardError as problem:
+                answered.append((request, problem))
+                continue
+            if isinstance(outcome, KeyedCommit):
+                accepted.append((request, outcome))
+            else:
+                answered.append((request, outcome))
+        commits = [entry.commit for _, entry in accepted]
+        try:
+            if commits:
+                self._journal.append([entry for _, entry in accepted])
+                self._project(commits)
+        except StorageFailed as problem:
+            # Nothing of this group is on disk. What was answered without a commit may rest on the
+            # failed changes, so it fails with them.
+            for request in group:
+                request.answer.set_exception(problem)
+            return
+        for request, entry in accepted:
+            request.answer.set_result(entry.commit)
+        for request, answer in answered:
+            if isinstance(answer, Commit):
+                request.answer.set_result(answer)
+            else:
+                request.answer.set_exception(answer)
+
+    def _decide(
+        self,
+        request: Request,
+        accepted: list[tuple[Request, KeyedCommit]],
+        pending: dict[str, Fluent],
+    ) -> KeyedCommit | Commit:
+        number = self._journal.last + len(accepted) + 1
+        earlier = self._earlier_answer(request, accepted)
+        if earlier is not None:
+            return earlier
+        events: list[FluentEvent] = []
+        fresh: dict[str, Fluent] = {}
+        reason = ""
+        for command in request.commands:
+            name = name_of(command)
+            event = decide(command, self._current(name, fresh, pending))
+            if event is None:
+                continue
+            if isinstance(command, CorrectFluent):
+                reason = command.reason
+            before = event.before
+            after = replace(
+                event.after,
+                version=number,
+                author=request.author,
+                created=number if before is None else before.created,
+            )
+            fresh[name] = after
+            events.append(replace(event, after=after))
+        if not events and not request.statements:
+            return Commit(number - 1, self._clock.now_s(), request.author)
+        pending.update(fresh)
+        commit = Commit(
+            number, self._clock.now_s(), request.author, tuple(events), request.statements, reason
+        )
+        return KeyedCommit(commit, request.key, request.digest)
+
+    def _earlier_answer(
+        self, request: Request, accepted: list[tuple[Request, KeyedCommit]]
+    ) -> Commit | None:
+        if request.key is None:
+            return None
+        for _, entry in accepted:
+            if entry.key == request.key:
+                found = entry.commit.number, entry.digest
+                break
+        else:
+            found = self._journal.request(request.key)
+            if found is None:
+                return None
+        number, digest = found
+        if digest != request.digest:
+            raise IdempotencyConflict(
+                f"the idempotency key {request.key!r} was used in commit {number} for another "
+                "request; choose a new key for each request",
+                commit=number,
+            )
+        in_group = [entry.commit for _, entry in accepted if entry.commit.number == number]
+        return in_group[0] if in_group else self._journal.commit(number)
+
+    def _current(
+        self, name: str, fresh: dict[str, Fluent], pending: dict[str, Fluent]
+    ) -> Fluent | None:
+        found = fresh.get(name) or pending.get(name)
+        if found is not None:
+            return found
+        try:
+            return self._projections.fluent(name)
+        except UnknownFluent:
+            return None
+
+    def _project(self, commits: Sequence[Commit]) -> None:
+        try:
+            self._projections.apply(commits)
+        except StorageFailed as problem:
+            # The commits are durable, only their projection is missing: they are acknowledged, and
+            # the board takes no more writes until a restart has caught up.
+            self.failure = f"{problem.message}; restart the board to catch up from the journal"
+            logger.error("the projections fell behind the journal: %s", problem.message)
+            return
+        for listener in self._listeners:
+            try:
+                listener(commits)
+            except Exception:
+                logger.exception("a listener failed on commit %s", commits[-1].number)
