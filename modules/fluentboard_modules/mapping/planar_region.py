@@ -1,0 +1,147 @@
+"""PlanarRegion: one planar piece of a surface, in the map frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.affinity import affine_transform
+from shapely.geometry import MultiPolygon, Polygon
+
+from fluentboard.model.geometry import FloatArray, Plane, Pose, Transform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanarRegion:
+    """A planar region: where it is, how large, how well it fits, how much of it was seen.
+
+    Attributes:
+        index: number of the region in its frame.
+        T_map_region: region frame to map frame. Origin at the centroid of the contour, z along the
+            normal towards the sensor, x along the longer side (horizontal regions) or horizontal
+            (all others; y then points up the surface).
+        contour: outline with holes in the region's x and y, metres.
+        n_points: depth pixels on the region.
+        rms_m: root mean square distance of the points from the plane.
+        touches_edge: whether the region runs into the border of the image, so may be larger.
+        sensor_position: `(3,)`; where the sensor was, map frame.
+        pixel_box: rows and columns of the image that hold it, (top, left, bottom, right).
+        pixel_mask: `(bottom - top, right - left)`; which pixels of that box are on the region.
+    """
+
+    index: int
+    T_map_region: Transform
+    contour: MultiPolygon
+    n_points: int
+    rms_m: float
+    touches_edge: bool = False
+    sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
+    pixel_box: tuple[int, int, int, int] = (0, 0, 0, 0)
+    pixel_mask: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
+
+    @property
+    def normal(self) -> FloatArray:
+        """`(3,)`; unit vector towards the sensor, map frame."""
+        return self.T_map_region.rotation[:, 2]
+
+    @property
+    def centroid(self) -> FloatArray:
+        """`(3,)`; centre of area in the map frame, metres."""
+        return self.T_map_region.translation
+
+    @property
+    def pose(self) -> Pose:
+        """The region's own axes in the map frame."""
+        return Pose.from_transform(self.T_map_region)
+
+    @property
+    def plane(self) -> Plane:
+        """The infinite plane in the map frame."""
+        return Plane(self.normal, float(self.normal @ self.centroid))
+
+    @property
+    def area_m2(self) -> float:
+        """Area without the holes, square metres (the ontology's hasSize)."""
+        return float(self.contour.area)
+
+    @property
+    def height_m(self) -> float:
+        """Height of the centroid above the floor, metres (the ontology's hasPosY)."""
+        return float(self.centroid[2])
+
+    @property
+    def extents_m(self) -> tuple[float, float]:
+        """Length and width of the contour's bounds along the region's x and y, metres."""
+        x_min, y_min, x_max, y_max = self.contour.bounds
+        return x_max - x_min, y_max - y_min
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the normal and straight up: 0 faces up, pi/2 is a wall, pi faces down."""
+        return float(np.arccos(np.clip(self.normal[2], -1.0, 1.0)))
+
+    def outline_map(self) -> FloatArray:
+        """`(n, 3)`; vertices of all outer rings in the map frame."""
+        corners = np.concatenate([np.asarray(part.exterior.coords) for part in self.contour.geoms])
+        return self.T_map_region.apply(np.column_stack([corners, np.zeros(len(corners))]))
+
+    def rings_map(self) -> list[FloatArray]:
+        """Closed rings `(n, 3)` in the map frame: outlines and holes."""
+        rings: list[FloatArray] = []
+        for part in self.contour.geoms:
+            for ring in (part.exterior, *part.interiors):
+                corners = np.asarray(ring.coords)
+                rings.append(
+                    self.T_map_region.apply(np.column_stack([corners, np.zeros(len(corners))]))
+                )
+        return rings
+
+    def bounds_map(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest corner `(3,)` of the axis-aligned box in the map frame, metres."""
+        outline = self.outline_map()
+        return outline.min(axis=0), outline.max(axis=0)
+
+    def footprint(self) -> MultiPolygon:
+        """The contour seen from above, in the map's x and y; a wall's has no area."""
+        r, t = self.T_map_region.rotation, self.T_map_region.translation
+        seen = affine_transform(
+            self.contour, [r[0, 0], r[0, 1], r[1, 0], r[1, 1], float(t[0]), float(t[1])]
+        )
+        return as_multipolygon(seen)
+
+    def moved(self, T_new_map: Transform) -> PlanarRegion:
+        """The same region in another map frame."""
+        return replace(
+            self,
+            T_map_region=T_new_map @ self.T_map_region,
+            sensor_position=T_new_map.apply(self.sensor_position),
+        )
+
+
+def as_multipolygon(shape: object) -> MultiPolygon:
+    """The polygons of any shapely geometry; lines and points have no area and are dropped."""
+    if isinstance(shape, MultiPolygon):
+        return shape
+    if isinstance(shape, Polygon):
+        return MultiPolygon([] if shape.is_empty else [shape])
+    parts = getattr(shape, "geoms", ())
+    polygons = [polygon for part in parts for polygon in as_multipolygon(part).geoms]
+    return MultiPolygon(polygons)
+
+
+def upright_axes(normal: FloatArray, direction: FloatArray | None = None) -> FloatArray:
+    """`(3, 3)`; columns x, y, z of a region's axes in the map frame.
+
+    Args:
+        normal: `(3,)`; becomes z.
+        direction: `(3,)`; x points along it as far as the plane allows. By default x is horizontal
+            and y points up the surface; for a level plane x is the map's x.
+    """
+    if direction is None:
+        direction = np.cross((0.0, 0.0, 1.0), normal)
+        if np.linalg.norm(direction) < 0.05:  # within 3 degrees of level: any x will do
+            direction = np.array([1.0, 0.0, 0.0])
+    x = direction - normal * float(direction @ normal)
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(normal, x), normal])
