@@ -383,6 +383,8 @@ class _Reader:
         if node.kind != "sequence" or len(node.parts) != count or not plain:
             shown = f"[{', '.join(map(str, node.parts[:5]))}]" if node.parts else str(node)
             self.begin.at(node).fail(
-                InvalidYaml, f"{key} holds {shown}; give {count} values, as in {_EXAMPLES[key]}"
+                InvalidYaml,
+                f"{key} holds {shown}; give {count} values, as in "
+                + ("[hasPassiveObject, Mug, mug1]" if count == 3 else _EXAMPLES[key]),
             )
         return [part.text for part in node.parts]

@@ -24,7 +24,8 @@ _KINDS: dict[object, str] = {
     yaml.SequenceEndEvent: "end",
     yaml.MappingEndEvent: "end",
 }
-_TAB = re.compile(r"^ *\t[ \t]*[^\s#]", re.MULTILINE)
+# libyaml takes a tab for a space between values, PyYAML's own parser does not: one rule for both.
+_TAB = re.compile(r"^[^\"'#\n]*\t", re.MULTILINE)
 _UNREADABLE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x84\x86-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
@@ -77,12 +78,12 @@ def parsed(text: str, begin: Place) -> Node | None:
         begin: where it begins.
 
     Raises:
-        InvalidYaml: it is not YAML, indented by tabs, has anchors, aliases or characters that YAML
-            does not allow, or is nested deeper than a fluent.
+        InvalidYaml: it is not YAML, has tabs outside quotes, anchors, aliases or characters that
+            YAML does not allow, or is nested deeper than a fluent.
     """
     if tab := _TAB.search(text):
         place = begin.lines_on(text.count("\n", 0, tab.start()))
-        place.fail(InvalidYaml, "a line is indented by a tab; indent by spaces")
+        place.fail(InvalidYaml, "a tab stands outside quotes; use spaces")
     try:
         return _tree(text, begin)
     except yaml.MarkedYAMLError as problem:
