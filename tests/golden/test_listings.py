@@ -11,6 +11,7 @@ from fluentboard.model.interval import UNKNOWN, Certainty, Interval
 from fluentboard.model.yaml_format import fluent_to_yaml, read_fluents
 
 HERE = Path(__file__).parent
+PARTS_BEFORE = ["mug1", "poseMug1_0", "bBoxMug1_0", "poseBBMug1_0"]
 UPDATE_S = 1423225357.28  # when the robot looked at mug1 in Listing 4.2
 
 
@@ -31,12 +32,8 @@ def merged(first: dict[str, Fluent], second: dict[str, Fluent]) -> dict[str, Flu
     ("number", "names"),
     [
         ("2_2", ["pickUpObjectActivity_0X0", "on4", "holding0"]),
-        ("4_1", ["mug1", "poseMug1_0", "bBoxMug1_0", "poseBBMug1_0"]),
-        (
-            "4_2",
-            ["mug1", "poseMug1_0", "bBoxMug1_0", "poseBBMug1_0"]
-            + ["poseMug1_1", "bBoxMug1_1", "poseBBMug1_1"],
-        ),
+        ("4_1", PARTS_BEFORE),
+        ("4_2", [*PARTS_BEFORE, "poseMug1_1", "bBoxMug1_1", "poseBBMug1_1"]),
     ],
 )
 def test_a_listing_holds_its_fluents_in_order(number: str, names: list[str]):

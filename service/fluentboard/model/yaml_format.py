@@ -314,7 +314,8 @@ class _Reader:
         root = parsed(text, self.begin)
         if root is None or root.kind != "mapping" or root.tag != "!Fluent":
             tag = "no tag" if root is None or root.tag is None else f"the tag {root.tag}"
-            self.begin.fail(
+            place = self.begin if root is None else self.begin.at(root)
+            place.fail(
                 InvalidYaml,
                 f"a document is {root or 'empty'} with {tag}; begin each fluent with a line "
                 "!Fluent, followed by " + ", ".join(_EXAMPLES),
@@ -332,7 +333,7 @@ class _Reader:
             values[key.text] = value
         for key, example in _EXAMPLES.items():
             if key not in values:
-                self.begin.fail(InvalidYaml, f"{key} is missing; give {example}")
+                self.begin.at(root).fail(InvalidYaml, f"{key} is missing; give {example}")
         class_name, name = self._texts("Class_Instance", values["Class_Instance"], 2)
         start = self._times("StartTime", values["StartTime"], name)
         finish = self._times("FinishTime", values["FinishTime"], name)

@@ -16,7 +16,8 @@ import yaml
 from fluentboard.errors import FluentboardError, InvalidYaml
 
 _MAX_DEPTH = 3  # a mapping of lists of lists
-_PARSER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+FAST_PARSER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+"""libyaml where PyYAML was built with it; both parsers read the same."""
 _KINDS: dict[object, str] = {
     yaml.ScalarEvent: "scalar",
     yaml.SequenceStartEvent: "sequence",
@@ -104,7 +105,7 @@ def parsed(text: str, begin: Place) -> Node | None:
 def _tree(text: str, begin: Place) -> Node | None:
     root: Node | None = None
     open_nodes: list[Node] = []
-    events = cast("Any", yaml).parse(text, Loader=_PARSER)
+    events = cast("Any", yaml).parse(text, Loader=FAST_PARSER)
     for event in cast("Iterator[Any]", events):
         if getattr(event, "anchor", None) is not None:
             begin.lines_on(event.start_mark.line).fail(
