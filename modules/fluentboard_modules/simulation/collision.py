@@ -18,8 +18,8 @@ TOUCHING_M = 0.001
 
 
 def penetration_m(a: Instance, b: Instance) -> float:
-    """How deep two things reach into each other in metres; 0 when they do not."""
-    deepest = 0.0
+    """How deep two things reach into each other in metres; negative: at least so far apart."""
+    deepest = -np.inf
     for p in a.prisms:
         low_p, high_p = p.bounds
         for q in b.prisms:
@@ -33,9 +33,16 @@ def penetration_m(a: Instance, b: Instance) -> float:
 def collisions(
     candidate: Instance, others: Iterable[Instance], tolerance_m: float = TOUCHING_M
 ) -> Iterator[tuple[str, float]]:
-    """Names and depths in metres of the things that the candidate reaches into."""
-    rivals = [other for other in others if other.name != candidate.name]
-    if not rivals:
+    """Names and depths in metres of the things that the candidate reaches into.
+
+    Args:
+        candidate: one thing; an instance of the same name among the others is skipped.
+        others: the things around it. A `Building` is skipped: its walls are one hollow mesh, and
+            the hull around them would be solid.
+        tolerance_m: shared depth that still counts as touching; a negative one demands a gap.
+    """
+    rivals = [o for o in others if o.name != candidate.name and o.cls != "Building"]
+    if not rivals or candidate.cls == "Building":
         return
     low, high = candidate.bounds_map
     theirs = np.array([other.bounds_map for other in rivals])

@@ -59,11 +59,9 @@ def prism_around(points: FloatArray) -> Prism:
 
 
 def overlap_depth(a: Prism, b: Prism) -> float:
-    """How deep two prisms reach into each other in metres; zero or less when they do not."""
-    depth = min(a.z_high, b.z_high) - max(a.z_low, b.z_low)
-    if depth <= 0.0:
-        return depth
-    return min(depth, _outline_depth(a.outline, b.outline))
+    """How deep two prisms reach into each other in metres; negative: at least so far apart."""
+    height = min(a.z_high, b.z_high) - max(a.z_low, b.z_low)
+    return min(height, _outline_depth(a.outline, b.outline))
 
 
 def _outline_depth(a: FloatArray, b: FloatArray) -> float:
