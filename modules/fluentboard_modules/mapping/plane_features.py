@@ -1,0 +1,208 @@
+"""What the furniture rules measure at planes and between them.
+
+The names are those of the ontology. The ontology's `hasPosY` is the height above the floor, our z:
+it is converted here and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from shapely.geometry import MultiPolygon
+
+from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+
+BoolArray = NDArray[np.bool_]
+
+FEATURES = ("hasInclination", "hasSize", "hasPosY", "hasLength", "hasWidth")
+"""The datatype properties that are measured at every plane."""
+
+FEATURE_UNITS: Mapping[str, str] = {
+    "hasInclination": "rad",
+    "hasSize": "m²",
+    "hasPosY": "m",
+    "hasLength": "m",
+    "hasWidth": "m",
+}
+
+_SAMPLE_SPACING_M = 0.03  # along contours; a quarter-metre gap is then wrong by half a millimetre
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One quantity of a relation between two planes, and what the ontology asks of it.
+
+    Attributes:
+        quantity: what was measured, in words.
+        value: what it is, in `unit`.
+        limit: the ontology's tolerance.
+        at_least: whether the value must be at least the limit; otherwise at most.
+        unit: of value and limit; empty for shares.
+    """
+
+    quantity: str
+    value: float
+    limit: float
+    at_least: bool
+    unit: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the value is on the right side of the limit."""
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+
+def measure_features(regions: Sequence[PlanarRegion]) -> dict[str, FloatArray]:
+    """`(n,)` per feature: inclination in rad, area in m^2, height, length and width in m."""
+    rectangles = np.array([_rectangle_sides(region) for region in regions]).reshape(-1, 2)
+    tilt = np.array([region.tilt_rad for region in regions])
+    return {
+        "hasInclination": np.minimum(tilt, np.pi - tilt),
+        "hasSize": np.array([region.area_m2 for region in regions]),
+        "hasPosY": np.array([region.height_m for region in regions]),
+        "hasLength": rectangles[:, 0],
+        "hasWidth": rectangles[:, 1],
+    }
+
+
+def _rectangle_sides(region: PlanarRegion) -> tuple[float, float]:
+    """Longer and shorter side of the smallest rectangle around the contour, metres."""
+    corners = shapely.get_coordinates(region.contour).astype(np.float32)
+    if len(corners) < 3:
+        return 0.0, 0.0
+    _, (a, b), _ = cv2.minAreaRect(corners)
+    return max(a, b), min(a, b)
+
+
+class PlaneRelations:
+    """The measured relations between planes, each computed only for the pairs asked for.
+
+    Args:
+        regions: the planes, in the map frame.
+        tolerances: per relation the ontology's annotations.
+    """
+
+    MEASURED = ("isLowerThan", "isPerpendicularTo", "isParallelTo", "isAdjacentTo", "isBelow")
+    """The relations that are measured, the cheapest first."""
+
+    def __init__(
+        self, regions: Sequence[PlanarRegion], tolerances: Mapping[str, Mapping[str, float]]
+    ) -> None:
+        self._regions = regions
+        self._tolerances = tolerances
+        n = len(regions)
+        self._height = np.array([region.height_m for region in regions])
+        self._normal = np.array([region.normal for region in regions]).reshape(n, 3)
+        bounds = np.array([region.bounds_map() for region in regions]).reshape(n, 2, 3)
+        self._low, self._high = bounds[:, 0], bounds[:, 1]
+        self._trees: dict[int, cKDTree] = {}
+        self._footprints: dict[int, MultiPolygon] = {}
+        self._pair_values: dict[tuple[str, int, int], float] = {}
+
+    def holds(self, relation: str, candidates: BoolArray) -> BoolArray:
+        """`(n, n)`; where the relation holds of (row, column) among the candidate pairs."""
+        tolerance = self._tolerances[relation]
+        if relation == "isLowerThan":
+            return candidates & (self._rise() >= tolerance["minimumRise"])
+        if relation == "isPerpendicularTo":
+            return candidates & (self._off_perpendicular() <= tolerance["angleTolerance"])
+        if relation == "isParallelTo":
+            return candidates & (self._off_parallel() <= tolerance["angleTolerance"])
+        if relation == "isAdjacentTo":
+            gap = tolerance["maximumGap"]
+            near = candidates & self._boxes_within(gap)
+            np.fill_diagonal(near, False)  # nothing is its own neighbour
+            return _filter(near, lambda i, j: self._gap_m(i, j, gap) <= gap)
+        if relation == "isBelow":
+            lower = candidates & (self._rise() >= tolerance["minimumRise"])
+            over = lower & self._boxes_within(0.0, axes=2)
+            return _filter(over, lambda i, j: self._overlap(i, j) >= tolerance["minimumOverlap"])
+        raise KeyError(relation)
+
+    def measure(self, relation: str, i: int, j: int) -> list[Measurement]:
+        """The quantities behind a measured relation of the planes i and j."""
+        tolerance = self._tolerances[relation]
+        if relation in ("isLowerThan", "isBelow"):
+            rise = float(self._height[j] - self._height[i])
+            found = [Measurement("rise", rise, tolerance["minimumRise"], True, "m")]
+            if relation == "isBelow":
+                found.append(
+                    Measurement(
+                        "overlap", self._overlap(i, j), tolerance["minimumOverlap"], True, ""
+                    )
+                )
+            return found
+        if relation == "isAdjacentTo":
+            gap = self._gap_m(i, j, np.inf)
+            return [Measurement("gap", gap, tolerance["maximumGap"], False, "m")]
+        off = self._off_perpendicular() if relation == "isPerpendicularTo" else self._off_parallel()
+        name = "off the right angle" if relation == "isPerpendicularTo" else "off parallel"
+        return [Measurement(name, float(off[i, j]), tolerance["angleTolerance"], False, "rad")]
+
+    def _rise(self) -> FloatArray:
+        return self._height[None, :] - self._height[:, None]
+
+    def _cosines(self) -> FloatArray:
+        return np.clip(np.abs(self._normal @ self._normal.T), 0.0, 1.0)
+
+    def _off_perpendicular(self) -> FloatArray:
+        return np.arcsin(self._cosines())
+
+    def _off_parallel(self) -> FloatArray:
+        return np.arccos(self._cosines())
+
+    def _boxes_within(self, distance_m: float, axes: int = 3) -> BoolArray:
+        """Whether the axis-aligned boxes come this close; 2 axes compare footprints."""
+        low, high = self._low[:, :axes], self._high[:, :axes]
+        apart = low[:, None] > high[None, :] + distance_m
+        return ~(apart | apart.transpose(1, 0, 2)).any(axis=2)
+
+    def _gap_m(self, i: int, j: int, limit_m: float) -> float:
+        """Smallest distance of the contours; infinite if it exceeds the limit."""
+        i, j = min(i, j), max(i, j)
+        key = ("gap", i, j)
+        if key not in self._pair_values or not np.isfinite(self._pair_values[key]):
+            # A little more than the limit: the tree's own bound is exclusive.
+            distance, _ = self._tree(i).query(
+                self._tree(j).data, distance_upper_bound=limit_m * 1.001 + 1e-6
+            )
+            self._pair_values[key] = float(distance.min())
+        return self._pair_values[key]
+
+    def _tree(self, i: int) -> cKDTree:
+        if i not in self._trees:
+            dense = shapely.segmentize(self._regions[i].contour, _SAMPLE_SPACING_M)
+            corners = shapely.get_coordinates(dense)
+            points = np.column_stack([corners, np.zeros(len(corners))])
+            self._trees[i] = cKDTree(self._regions[i].T_map_region.apply(points))
+        return self._trees[i]
+
+    def _overlap(self, i: int, j: int) -> float:
+        """Common area of the footprints as a share of the smaller; 0 for walls, who have none."""
+        key = ("overlap", min(i, j), max(i, j))
+        if key not in self._pair_values:
+            a, b = self._footprint(i), self._footprint(j)
+            smaller = min(a.area, b.area)
+            self._pair_values[key] = a.intersection(b).area / smaller if smaller > 1e-6 else 0.0
+        return self._pair_values[key]
+
+    def _footprint(self, i: int) -> MultiPolygon:
+        if i not in self._footprints:
+            footprint = self._regions[i].footprint()
+            valid = footprint if footprint.is_valid else shapely.make_valid(footprint)
+            self._footprints[i] = valid
+        return self._footprints[i]
+
+
+def _filter(candidates: BoolArray, test: Callable[[int, int], bool]) -> BoolArray:
+    result = np.zeros_like(candidates)
+    for i, j in zip(*np.nonzero(candidates), strict=True):
+        result[i, j] = test(int(i), int(j))
+    return result

@@ -1,0 +1,198 @@
+"""The furniture ontology as a classifier of planes: `load_rules(text).classify(regions)`.
+
+Thresholds, class definitions and tolerances all come from the ontology file (section 3.2.2). Every
+plane may hold several labels, and one plane may begin several hypotheses; which of them is believed
+is decided later, over many frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fluentboard_modules.mapping.near_misses import NearMiss, find_near_misses
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.plane_features import PlaneRelations, measure_features
+from fluentboard_modules.mapping.rule_evaluation import Evaluation, check_rules
+from fluentboard_modules.mapping.rule_language import (
+    And,
+    ClassAtom,
+    Expression,
+    FurnitureClass,
+    Named,
+    Or,
+    RuleSet,
+    Some,
+)
+from fluentboard_modules.mapping.rule_reader import read_rules
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneInRole:
+    """A plane that satisfied a part of a definition.
+
+    Attributes:
+        plane: index of the region.
+        label: the class that the definition asked for, such as `ChairBackrestPlane`.
+    """
+
+    plane: int
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
+class FurnitureHypothesis:
+    """Planes that satisfy the definition of a class of furniture.
+
+    Attributes:
+        class_name: the class.
+        main_plane: index of the region the definition holds for.
+        planes: all regions that satisfied a part of it, the main plane first.
+        rules: names of the rules that gave these planes their labels.
+        priority: the class's priority in the ontology.
+    """
+
+    class_name: str
+    main_plane: int
+    planes: tuple[PlaneInRole, ...]
+    rules: tuple[str, ...]
+    priority: float
+
+
+@dataclass(frozen=True, slots=True)
+class Classification:
+    """What the ontology says about a set of planes.
+
+    Attributes:
+        labels: per region its classes, the most specific and the general ones.
+        rules: per region the names of the rules that fired for it.
+        hypotheses: furniture, the preferred class first.
+        near_misses: what nearly was furniture, and what is missing.
+    """
+
+    labels: tuple[frozenset[str], ...]
+    rules: tuple[tuple[str, ...], ...]
+    hypotheses: tuple[FurnitureHypothesis, ...]
+    near_misses: tuple[NearMiss, ...]
+
+
+class FurnitureRules:
+    """A furniture ontology, ready to classify planes.
+
+    Args:
+        rules: what `read_rules` found in the ontology file.
+
+    Raises:
+        InvalidOntology: it uses something that cannot be measured or evaluated.
+    """
+
+    def __init__(self, rules: RuleSet) -> None:
+        check_rules(rules)
+        self.rules = rules
+
+    @property
+    def furniture_classes(self) -> tuple[FurnitureClass, ...]:
+        """The classes with a definition, by name."""
+        return tuple(self.rules.furniture.values())
+
+    def classify(self, regions: Sequence[PlanarRegion]) -> Classification:
+        """Labels of the regions, and the furniture they make up.
+
+        Args:
+            regions: planes in the map frame, of one frame or accumulated over many.
+        """
+        relations = PlaneRelations(
+            regions, {name: p.tolerances for name, p in self.rules.relations.items()}
+        )
+        features = measure_features(regions)
+        evaluation = Evaluation(self.rules, features, relations, len(regions))
+        labels: list[set[str]] = [set() for _ in regions]
+        for class_name in self._plane_classes():
+            for plane in evaluation.members(class_name).nonzero()[0]:
+                labels[plane].add(class_name)
+        fired: list[list[str]] = [[] for _ in regions]
+        for rule in self.rules.rules:
+            if isinstance(rule.head, ClassAtom):
+                for plane in evaluation.fired(rule).nonzero()[0]:
+                    fired[plane].append(rule.name)
+        hypotheses = [
+            self._hypothesis(furniture, int(plane), evaluation, fired)
+            for furniture in self.rules.furniture.values()
+            for plane in evaluation.members(furniture.name).nonzero()[0]
+        ]
+        hypotheses.sort(key=lambda h: (-h.priority, h.class_name, h.main_plane))
+        return Classification(
+            labels=tuple(frozenset(names) for names in labels),
+            rules=tuple(tuple(names) for names in fired),
+            hypotheses=tuple(hypotheses),
+            near_misses=tuple(find_near_misses(self.rules, features, relations, evaluation)),
+        )
+
+    def _plane_classes(self) -> list[str]:
+        """All classes below Plane, and what rules conclude."""
+        names: list[str] = []
+        pending = ["Plane"]
+        while pending:
+            for child in self.rules.subclasses.get(pending.pop(), ()):
+                if child not in names and child not in self.rules.furniture:
+                    names.append(child)
+                    pending.append(child)
+        return names
+
+    def _hypothesis(
+        self,
+        furniture: FurnitureClass,
+        plane: int,
+        evaluation: Evaluation,
+        fired: list[list[str]],
+    ) -> FurnitureHypothesis:
+        parts: list[PlaneInRole] = []
+        for definition in self.rules.definitions[furniture.name]:
+            parts.extend(_witnesses(definition, plane, evaluation))
+        # Of several labels that a union allows, the plane's own; each plane and label once.
+        unique = tuple(dict.fromkeys(parts))
+        main_first = sorted(unique, key=lambda part: part.plane != plane)
+        heads = {
+            rule.name: rule.head.class_name
+            for rule in self.rules.rules
+            if isinstance(rule.head, ClassAtom)
+        }
+        names = [
+            name for part in main_first for name in fired[part.plane] if heads[name] == part.label
+        ]
+        return FurnitureHypothesis(
+            class_name=furniture.name,
+            main_plane=plane,
+            planes=tuple(main_first),
+            rules=tuple(dict.fromkeys(names)),
+            priority=furniture.priority,
+        )
+
+
+def load_rules(turtle_text: str) -> FurnitureRules:
+    """The classifier of a furniture ontology.
+
+    Args:
+        turtle_text: the text of the ontology file (`fluentboard_ontology.read("furniture")`).
+
+    Raises:
+        InvalidOntology: the text does not parse, or asks for something that cannot be measured.
+    """
+    return FurnitureRules(read_rules(turtle_text))
+
+
+def _witnesses(expression: Expression, plane: int, evaluation: Evaluation) -> list[PlaneInRole]:
+    """The planes that make an expression true of a plane; empty if it is not true."""
+    if not evaluation.satisfies_one(expression, plane):
+        return []
+    match expression:
+        case Named(class_name):
+            return [PlaneInRole(plane, class_name)]
+        case And(parts) | Or(parts):
+            return [w for part in parts for w in _witnesses(part, plane, evaluation)]
+        case Some(relation, filler):
+            return [
+                witness
+                for other in evaluation.partners(relation, filler, plane)
+                for witness in _witnesses(filler, other, evaluation)
+            ]
