@@ -189,6 +189,12 @@ class AsyncClient:
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
+    async def query_document(
+        self, sparql: str, media_types: str, *, at: Time | None = None
+    ) -> bytes:
+        """See `Client.query_document`."""
+        return (await self._send(exchange.sparql(sparql, at, media_types))).content
+
     async def export(
         self, format: ExportFormat = "yaml", *, at: Time | None = None
     ) -> AsyncIterator[bytes]:

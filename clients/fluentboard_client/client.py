@@ -264,6 +264,21 @@ class Client:
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
+    def query_document(
+        self, sparql: str, media_types: str, *, at: Time | None = None
+    ) -> bytes:
+        """The result of a SPARQL query as the board writes it.
+
+        Args:
+            sparql: the query.
+            media_types: an Accept header, such as `text/csv`.
+            at: as in `query`.
+
+        Raises:
+            NotAcceptable: the result cannot be written in any of these types.
+        """
+        return (self._send(exchange.sparql(sparql, at, media_types))).content
+
     def export(self, format: ExportFormat = "yaml", *, at: Time | None = None) -> Iterator[bytes]:
         """Everything on the board, or what holds at a time, in pieces as they arrive."""
         request = exchange.export(format, at)

@@ -233,7 +233,7 @@ def listing(
     return Request("GET", "/fluents", params=params, headers={"Accept": "application/json"})
 
 
-def sparql(query: str, at: Time | None) -> Request:
+def sparql(query: str, at: Time | None, media_types: str = _ANY_RESULT) -> Request:
     """A SPARQL query of any form, over all of history or over what holds at a time."""
     # As a form in the body, because a query may be longer than an address can be.
     return Request(
@@ -241,7 +241,7 @@ def sparql(query: str, at: Time | None) -> Request:
         "/sparql",
         params=_params(at=at),
         form={"query": query},
-        headers={"Accept": _ANY_RESULT},
+        headers={"Accept": media_types},
     )
 
 

@@ -1,0 +1,170 @@
+"""The commands `import` and `export`: whole boards to and from files, as streams."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from fluentboard.cli.options import DEFAULT_BOARD, At, Board, Token, connect, parsed_time, readable
+from fluentboard.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+ImportFormat = Literal["yaml", "jsonl", "turtle"]
+ExportFormat = Literal["yaml", "jsonl", "turtle"]
+
+_BY_SUFFIX: dict[str, ImportFormat] = {
+    ".yaml": "yaml",
+    ".yml": "yaml",
+    ".jsonl": "jsonl",
+    ".ndjson": "jsonl",
+    ".ttl": "turtle",
+}
+_BLOCK_BYTES = 64 * 1024
+_STANDARD_STREAM = Path("-")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands to the app."""
+    app.command(
+        name="import",
+        epilog="Examples:\n\nfluentboard import kitchen.yaml\n\n"
+        "fluentboard export -b http://robot1:8080 --format jsonl | "
+        "fluentboard import - --format jsonl",
+    )(import_file)
+    app.command(
+        name="export",
+        epilog="Examples:\n\nfluentboard export > everything.yaml\n\n"
+        "fluentboard export --format turtle --at now --output present.ttl",
+    )(export_file)
+
+
+def import_file(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="What to import; '-' reads standard input.")
+    ],
+    board: Board = DEFAULT_BOARD,
+    format: Annotated[
+        ImportFormat | None, typer.Option(help="Default: by the file's suffix.")
+    ] = None,
+    token: Token = None,
+) -> None:
+    """Import fluents (YAML, JSON Lines) or an ontology (Turtle).
+
+    The file is streamed, so it may be larger than memory. Fluents that the board knows already are
+    refined by what the file says about them.
+    """
+    chosen = format or _BY_SUFFIX.get(file.suffix.lower())
+    if chosen is None:
+        raise typer.BadParameter(
+            f"cannot tell the format of '{file}' by its suffix; give --format yaml, jsonl or turtle"
+        )
+    size = None if file == _STANDARD_STREAM else readable(file).stat().st_size
+    with connect(board, token) as client, _progress() as progress:
+        task = progress.add_task(f"Importing {file.name}", total=size)
+        with _opened(file) as stream:
+            account = client.import_fluents(
+                _blocks(stream), chosen, progress=lambda n: progress.advance(task, n)
+            )
+    said = ", ".join(f"{key} {value}" for key, value in account.items() if not _is_long(value))
+    typer.echo(f"imported {file}: {said}", err=True)
+    warnings = account.get("warnings", [])
+    for warning in warnings[:10]:
+        typer.echo(f"warning: {warning}", err=True)
+    if len(warnings) > 10:
+        typer.echo(f"and {len(warnings) - 10} more warnings", err=True)
+
+
+def export_file(
+    board: Board = DEFAULT_BOARD,
+    format: Annotated[ExportFormat, typer.Option(help="How to write it.")] = "yaml",
+    at: At = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where to. Default: standard output."),
+    ] = None,
+    token: Token = None,
+) -> None:
+    """Export what is on the board."""
+    time = parsed_time(at)
+    with connect(board, token) as client:
+        pieces = client.export(format, at=time)
+        if output is None or output == _STANDARD_STREAM:
+            for piece in pieces:
+                sys.stdout.buffer.write(piece)
+            sys.stdout.buffer.flush()
+            return
+        with _progress() as progress:
+            task = progress.add_task(f"Exporting to {output.name}", total=None)
+            _write_whole(output, _watched(pieces, progress, task))
+
+
+def _write_whole(path: Path, pieces: Iterator[bytes]) -> None:
+    """Writes a file that appears under its name only once it is complete."""
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("wb") as file:
+            for piece in pieces:
+                file.write(piece)
+        partial.replace(path)
+    except OSError as problem:
+        raise InvalidInput(f"{path}: cannot be written ({problem.strerror})") from problem
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _opened(file: Path) -> IO[bytes]:
+    try:
+        # A duplicate, so that closing it leaves the process its standard input.
+        return (
+            open(sys.stdin.fileno(), "rb", closefd=False)
+            if file == _STANDARD_STREAM
+            else file.open("rb")
+        )
+    except OSError as problem:
+        raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from problem
+
+
+def _blocks(stream: IO[bytes]) -> Iterator[bytes]:
+    while block := stream.read(_BLOCK_BYTES):
+        yield block
+
+
+def _watched(pieces: Iterator[bytes], progress: Progress, task: object) -> Iterator[bytes]:
+    from rich.progress import TaskID
+
+    for piece in pieces:
+        yield piece
+        progress.advance(TaskID(int(str(task))), len(piece))
+
+
+def _progress() -> Progress:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+        TransferSpeedColumn,
+    )
+
+    console = Console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
+
+
+def _is_long(value: object) -> bool:
+    return isinstance(value, (list, dict))
