@@ -1,0 +1,1 @@
+"""Standing queries: registered SPARQL whose subscribers are told how its answer changes."""

@@ -1,0 +1,93 @@
+"""What a commit changed, as statements that footprints can be compared with (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from fluentboard.board.events import Commit, FluentEvent
+from fluentboard.board.triples import event_lines, fluent_lines
+from fluentboard.board.vocabulary import Statement, Vocabulary
+
+
+def statement_of(line: str) -> Statement:
+    """The statement of an N-Triples line, in the spacing that the board writes."""
+    subject, predicate, rest = line.split(" ", 2)
+    return subject, predicate, rest.rstrip()[:-2]
+
+
+@dataclass(frozen=True)
+class EventChange:
+    """What one event changed.
+
+    Attributes:
+        event: the event.
+        vocabulary: gives short names their IRIs.
+    """
+
+    event: FluentEvent
+    vocabulary: Vocabulary
+
+    @cached_property
+    def statements(self) -> list[Statement]:
+        """The statements that came or went."""
+        added, removed = event_lines(self.event, self.vocabulary)
+        return [statement_of(line) for line in (*added, *removed)]
+
+    @cached_property
+    def after(self) -> list[Statement]:
+        """All that the board says of the fluent after the event."""
+        return [statement_of(line) for line in fluent_lines(self.event.after, self.vocabulary)]
+
+    @cached_property
+    def before(self) -> list[Statement]:
+        """All that the board said of the fluent before the event."""
+        if self.event.before is None:
+            return []
+        return [statement_of(line) for line in fluent_lines(self.event.before, self.vocabulary)]
+
+
+@dataclass(frozen=True)
+class CommitChange:
+    """What one commit changed.
+
+    Attributes:
+        commit: the commit.
+        vocabulary: as it is after the commit.
+    """
+
+    commit: Commit
+    vocabulary: Vocabulary
+
+    @property
+    def number(self) -> int:
+        """The commit's number."""
+        return self.commit.number
+
+    @cached_property
+    def events(self) -> tuple[EventChange, ...]:
+        """What its events changed, in order."""
+        return tuple(EventChange(event, self.vocabulary) for event in self.commit.events)
+
+    @cached_property
+    def touches_everything(self) -> bool:
+        """An ontology changed: names, the class hierarchy and so any answer may differ."""
+        return any(change.ontology for change in self.commit.statements)
+
+    @cached_property
+    def outside_statements(self) -> list[Statement]:
+        """The statements outside fluents that came or went."""
+        return [
+            statement_of(line)
+            for change in self.commit.statements
+            for text in (change.added, change.removed)
+            for line in text.splitlines()
+            if line.strip()
+        ]
+
+    def statements(self) -> Iterator[Statement]:
+        """All statements that came or went."""
+        for event in self.events:
+            yield from event.statements
+        yield from self.outside_statements

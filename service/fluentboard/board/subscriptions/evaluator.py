@@ -1,0 +1,245 @@
+"""Keeps all standing queries in step with the board; knows nothing of threads.
+
+The results of queries are exact at commits. A full evaluation sees the newest commit, so before it
+counts, all commits up to that one are routed: those that touched the footprint are covered by it,
+and the difference to the result before is the delta over them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+
+from fluentboard.board.events import Commit
+from fluentboard.board.subscriptions.changes import CommitChange, EventChange
+from fluentboard.board.subscriptions.messages import Change, Failed, Gap, Resumed
+from fluentboard.board.subscriptions.planner import plan
+from fluentboard.board.subscriptions.query import ParsedQuery
+from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, evaluate
+from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
+from fluentboard.board.subscriptions.router import Router
+from fluentboard.board.subscriptions.settings import SubscriptionSettings
+from fluentboard.board.subscriptions.standing import Names, StandingQuery, net
+from fluentboard.board.subscriptions.subscription import Subscription
+from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.errors import FluentboardError
+
+logger = logging.getLogger(__name__)
+
+
+class Evaluator:
+    """All standing queries of a board. Used by one thread.
+
+    Args:
+        board: evaluates queries.
+        settings: bounds.
+        arrive: returns when commits up to the given one have been given to `route`.
+
+    Attributes:
+        routed: the last commit that was routed.
+    """
+
+    def __init__(
+        self, board: Board, settings: SubscriptionSettings, arrive: Callable[[int], None]
+    ) -> None:
+        self._board = board
+        self._settings = settings
+        self._arrive = arrive
+        self._router = Router()
+        self._stale: dict[StandingQuery, None] = {}
+        self.routed = 0
+
+    def __len__(self) -> int:
+        return len(self._router)
+
+    @property
+    def has_work(self) -> bool:
+        """Some standing query is to be evaluated again."""
+        return bool(self._stale)
+
+    def route(self, commit: Commit, vocabulary: Vocabulary) -> None:
+        """Takes note of a commit: incremental queries change now, others become stale."""
+        if commit.number <= self.routed:
+            return
+        change = CommitChange(commit, vocabulary)
+        concerned = self._router.concerned(change)
+        for standing in concerned.touched:
+            self._stale[standing] = None
+        # While a query is stale it gathers all that its next evaluation covers.
+        told = {**concerned.touched, **concerned.candidates, **concerned.told}
+        told.update((s, None) for s in self._stale if s.tells_events)
+        for standing in told:
+            if standing in self._stale:
+                standing.pending.append(change)
+            else:
+                self._step(standing, change, concerned.candidates.get(standing, []))
+        self.routed = commit.number
+
+    def reevaluate_next(self) -> None:
+        """Evaluates the query that has been stale for longest; does nothing if there is none."""
+        standing = next(iter(self._stale), None)
+        if standing is not None:
+            self._reevaluate(standing)
+
+    def open(self, subscription: Subscription, query: ParsedQuery) -> None:
+        """Serves a new subscriber: the snapshot, or what it missed since it left."""
+        request = subscription.request
+        since = request.since
+        standing = self._router.find(query.text)
+        if standing is None:
+            standing = StandingQuery(query, plan(query, self._board.vocabulary), self._settings)
+            if not self._start(standing, subscription):
+                return
+        if since is not None and since > standing.exact_at(self.routed):
+            self._arrive(min(since, self._board.commit))
+            while standing in self._stale:
+                self._reevaluate(standing)
+        if request.mode != "bindings" and not standing.tells_events:
+            names = standing.tell_events(standing.exact_at(self.routed))
+            self._router.update_names(standing, Names(names, set()))
+        standing.idle_since_s = None
+        standing.subscribers[subscription] = None
+        if since is None:
+            self._snapshot(standing, subscription)
+            return
+        missed = self._missed(standing, since, events=request.mode != "bindings")
+        if missed is None:
+            subscription.put(Gap(since, standing.exact_at(self.routed)))
+            self._snapshot(standing, subscription)
+            return
+        subscription.put(Resumed(since))
+        for change in missed:
+            subscription.put_change(change)
+
+    def refresh(self, subscription: Subscription) -> None:
+        """Sends a snapshot to a subscriber that lagged."""
+        standing = self._router.find(subscription.request.query)
+        if standing is not None and subscription in standing.subscribers:
+            self._snapshot(standing, subscription)
+
+    def close(self, subscription: Subscription, now_s: float) -> None:
+        """Lets a subscriber go; the query stays for a while, should it come back."""
+        standing = self._router.find(subscription.request.query)
+        if standing is not None and subscription in standing.subscribers:
+            del standing.subscribers[subscription]
+            if not standing.subscribers:
+                standing.idle_since_s = now_s
+
+    def retire(self, now_s: float) -> float | None:
+        """Forgets queries that have been without subscribers for too long.
+
+        Returns:
+            When the next one is due, on the monotonic clock; None if none is idle.
+        """
+        due: float | None = None
+        for standing in self._router:
+            if standing.idle_since_s is None:
+                continue
+            end_s = standing.idle_since_s + self._settings.linger_s
+            if end_s <= now_s:
+                self._forget(standing)
+            else:
+                due = end_s if due is None else min(due, end_s)
+        return due
+
+    def _start(self, standing: StandingQuery, subscription: Subscription) -> bool:
+        # Routed to from now on, and stale: no commit after the evaluation can be overlooked.
+        self._router.add(standing)
+        self._stale[standing] = None
+        try:
+            commit, bag = self._evaluate(standing)
+        except FluentboardError as problem:
+            self._forget(standing)
+            subscription.put(Failed(problem))
+            return False
+        self._arrive(commit)
+        standing.start(commit, bag)
+        self._resume(standing, commit)
+        return True
+
+    def _reevaluate(self, standing: StandingQuery) -> None:
+        try:
+            commit, bag = self._evaluate(standing)
+        except FluentboardError as problem:
+            logger.warning("a standing query failed and is given up: %s", problem)
+            self._fail(standing, problem)
+            return
+        self._arrive(commit)
+        covered = [change for change in standing.pending if change.number <= commit]
+        if covered:
+            if any(change.touches_everything for change in covered):
+                self._plan_anew(standing)
+            self._tell(standing, *standing.replace(covered, bag))
+        self._resume(standing, commit)
+
+    def _evaluate(self, standing: StandingQuery) -> tuple[int, Bag]:
+        try:
+            return evaluate(self._board, standing.query)
+        except FluentboardError:
+            raise
+        except Exception as problem:
+            # One query must not stop the others, whatever is wrong with it.
+            logger.exception("a standing query could not be evaluated: %s", standing.query.text)
+            raise FluentboardError(f"the query could not be evaluated: {problem}") from problem
+
+    def _resume(self, standing: StandingQuery, commit: int) -> None:
+        """Goes on after a full evaluation that is exact at a commit."""
+        later = [change for change in standing.pending if change.number > commit]
+        standing.pending = []
+        self._stale.pop(standing, None)
+        for number, change in enumerate(later):
+            if isinstance(standing.plan, Reevaluation) or change.commit.statements:
+                standing.pending = later[number:]
+                self._stale[standing] = None
+                return
+            self._step(standing, change, list(change.events))
+
+    def _step(
+        self, standing: StandingQuery, change: CommitChange, events: Iterable[EventChange]
+    ) -> None:
+        """Moves a query that is not stale over one commit, without evaluating it."""
+        by = NO_DIFFERENCE
+        if not isinstance(standing.plan, Reevaluation):
+            by = net(standing.plan.difference(event) for event in events)
+        outcome = standing.apply([change], by)
+        if outcome is None:
+            logger.error(
+                "tier %s disagrees with the result of a standing query at commit %s; the query is "
+                "evaluated again: %s",
+                standing.plan.tier,
+                change.number,
+                standing.query.text,
+            )
+            standing.pending.append(change)
+            self._stale[standing] = None
+            return
+        self._tell(standing, *outcome)
+
+    def _tell(self, standing: StandingQuery, change: Change | None, names: Names) -> None:
+        self._router.update_names(standing, names)
+        if change is not None:
+            for subscription in standing.subscribers:
+                subscription.put_change(change)
+
+    def _snapshot(self, standing: StandingQuery, subscription: Subscription) -> None:
+        subscription.put_snapshot(standing.exact_at(self.routed), standing.answer())
+
+    def _missed(self, standing: StandingQuery, since: int, *, events: bool) -> list[Change] | None:
+        if since > standing.exact_at(self.routed):
+            return None
+        return standing.missed_after(since, events=events)
+
+    def _plan_anew(self, standing: StandingQuery) -> None:
+        self._router.remove(standing)
+        standing.plan = plan(standing.query, self._board.vocabulary)
+        self._router.add(standing)
+
+    def _fail(self, standing: StandingQuery, problem: FluentboardError) -> None:
+        self._forget(standing)
+        for subscription in standing.subscribers:
+            subscription.put(Failed(problem))
+
+    def _forget(self, standing: StandingQuery) -> None:
+        self._router.remove(standing)
+        self._router.update_names(standing, Names(set(), set(standing.names)))
+        self._stale.pop(standing, None)

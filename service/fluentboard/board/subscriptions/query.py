@@ -1,0 +1,113 @@
+"""A standing query as read at registration: form, variables, syntax tree, footprint (pure)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import pyoxigraph as ox
+
+from fluentboard.board.subscriptions.footprint import Footprint, footprint_of
+from fluentboard.board.subscriptions.sparql_text import has_escapes, query_form, words
+from fluentboard.board.subscriptions.syntax_tree import template_makes_blank_nodes, tree_of
+from fluentboard.errors import InvalidQuery
+from fluentboard_ontology import PREFIXES
+
+logger = logging.getLogger(__name__)
+
+Form = Literal["select", "ask", "construct"]
+
+_WITHOUT_A_FIXED_ANSWER = ("RAND", "UUID", "STRUUID")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParsedQuery:
+    """What is known of a standing query before it is evaluated.
+
+    Attributes:
+        text: the SPARQL text.
+        form: which of the three forms it has.
+        variables: names of the result's columns; for CONSTRUCT subject, predicate and object.
+        tree: rdflib's syntax tree, or None where rdflib does not understand the query.
+        footprint: which statements the answer depends on.
+        makes_blank_nodes: each evaluation labels some blank nodes of the result anew.
+        is_timeless: the answer follows from the statements alone; false with `NOW()`.
+    """
+
+    text: str
+    form: Form
+    variables: tuple[str, ...]
+    tree: Any
+    footprint: Footprint
+    makes_blank_nodes: bool
+    is_timeless: bool
+
+
+def parse(text: str) -> ParsedQuery:
+    """Reads a standing query.
+
+    Raises:
+        InvalidQuery: it does not parse; it is a DESCRIBE or an update; it calls SERVICE; or it
+            calls a function whose value differs at every evaluation.
+    """
+    form = query_form(text)
+    if form not in ("select", "ask", "construct"):
+        what = "a DESCRIBE query" if form == "describe" else "text without a query form"
+        raise InvalidQuery(f"a subscription needs a SELECT, ASK or CONSTRUCT query; this is {what}")
+    used = words(text)
+    if "SERVICE" in used:
+        raise InvalidQuery(
+            "a subscription cannot ask another endpoint: the board is not told when SERVICE data "
+            "change. Leave SERVICE out and join the results in the client"
+        )
+    for function in _WITHOUT_A_FIXED_ANSWER:
+        if function in used:
+            raise InvalidQuery(
+                f"a subscription cannot use {function}(): its value differs at every evaluation, "
+                "so every solution would change with every commit. Compute it in the client"
+            )
+    variables = _variables(text, form)
+    tree, why = _tree(text)
+    footprint = Footprint.everything(why) if tree is None else footprint_of(tree)
+    return ParsedQuery(
+        text,
+        form,
+        variables,
+        tree,
+        footprint,
+        makes_blank_nodes="BNODE" in used
+        or (form == "construct" and (tree is None or template_makes_blank_nodes(tree))),
+        is_timeless="NOW" not in used,
+    )
+
+
+def _variables(text: str, form: Form) -> tuple[str, ...]:
+    """The columns of the result, as the engine that will evaluate the query sees them."""
+    try:
+        results = ox.Store().query(text, prefixes=dict(PREFIXES))
+    except SyntaxError as problem:
+        raise InvalidQuery(f"the query does not parse: {problem}") from None
+    except (ValueError, OSError, RuntimeError) as problem:
+        raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
+    if form == "select" and isinstance(results, ox.QuerySolutions):
+        return tuple(variable.value for variable in results.variables)
+    if form == "construct" and isinstance(results, ox.QueryTriples):
+        return ("subject", "predicate", "object")
+    if form == "ask" and isinstance(results, ox.QueryBoolean):
+        return ()
+    raise InvalidQuery("the form of the query cannot be told; put SELECT, ASK or CONSTRUCT first")
+
+
+def _tree(text: str) -> tuple[Any, str]:
+    """The query's syntax tree, or None and the reason why there is none."""
+    if "BASE" in words(text):
+        return None, "BASE is resolved differently by different parsers"
+    if has_escapes(text):
+        return None, "escapes in names are read differently by different parsers"
+    try:
+        return tree_of(text), ""
+    # pyparsing and rdflib raise a wide range of types for SPARQL they do not know.
+    except Exception as problem:
+        logger.info("rdflib does not read a query that Oxigraph reads: %s", problem)
+        return None, f"the query analyser does not understand it: {problem}"

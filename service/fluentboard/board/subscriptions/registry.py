@@ -1,0 +1,270 @@
+"""The subscriptions of a board: open one from any thread, and be told what changes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from fluentboard.board.events import Commit
+from fluentboard.board.subscriptions.evaluator import Evaluator
+from fluentboard.board.subscriptions.messages import Mode
+from fluentboard.board.subscriptions.planner import explanation, plan
+from fluentboard.board.subscriptions.query import ParsedQuery, parse
+from fluentboard.board.subscriptions.reevaluate import Board
+from fluentboard.board.subscriptions.settings import SubscriptionSettings
+from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
+from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.errors import InvalidInput
+
+logger = logging.getLogger(__name__)
+
+_ARRIVAL_TIMEOUT_S = 5.0
+_PARSED_MAX = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Commits of one group, with the vocabulary they were applied with."""
+
+    commits: Sequence[Commit]
+    vocabulary: Vocabulary
+
+
+class SubscriptionRegistry:
+    """Standing queries over a board, evaluated in a thread of their own.
+
+    Writers only leave their commits here and go on. Subscribers have bounded queues, so a slow one
+    slows down nobody.
+
+    Args:
+        board: the blackboard.
+        settings: bounds; the defaults suit one robot.
+
+    Example:
+        >>> from fluentboard.board.blackboard import Blackboard
+        >>> board = Blackboard.open(None)
+        >>> registry = SubscriptionRegistry(board)
+        >>> mugs = registry.open("SELECT ?mug WHERE { ?mug a race:Mug }")
+        >>> mugs.wait(timeout_s=10)
+        True
+        >>> [message.to_json("mugs")["type"] for message in mugs.poll()]
+        ['snapshot']
+        >>> registry.close()
+        >>> board.close()
+    """
+
+    def __init__(self, board: Board, settings: SubscriptionSettings | None = None) -> None:
+        self._board = board
+        self._settings = settings or SubscriptionSettings()
+        self._evaluator = Evaluator(board, self._settings, self._arrive)
+        self._parsed: dict[str, ParsedQuery] = {}
+        self._subscriptions: dict[Subscription, None] = {}
+        self._state = threading.Condition()
+        self._groups: deque[_Group] = deque()
+        self._tasks: deque[Callable[[], None]] = deque()
+        self._is_listening = False
+        self._delivered = 0
+        self._busy = False
+        self._closed = False
+        self._stop_listening = board.listen(self._on_commits)
+        self._delivered = max(self._delivered, board.commit)
+        self._thread = threading.Thread(
+            target=self._run, name="fluentboard-subscriptions", daemon=True
+        )
+        self._thread.start()
+
+    def open(
+        self,
+        query: str,
+        mode: Mode = "bindings",
+        since: int | None = None,
+        on_ready: Callable[[], None] | None = None,
+    ) -> Subscription:
+        """Registers a query. The snapshot comes as the first message, a moment later.
+
+        Args:
+            query: SPARQL SELECT, ASK or CONSTRUCT.
+            mode: whether deltas carry the changed solutions, the fluents, or both.
+            since: resume: the client has seen everything up to this commit.
+            on_ready: called (from another thread) when messages wait that did not before.
+
+        Raises:
+            InvalidQuery: the query does not parse, or cannot be subscribed to.
+            InvalidInput: the mode is unknown or `since` is negative.
+        """
+        if mode not in ("bindings", "fluents", "both"):
+            raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
+        if since is not None and since < 0:
+            raise InvalidInput(f"since is {since}; give a commit number", since=since)
+        parsed = self._parse(query)
+        subscription = Subscription(
+            SubscriptionRequest(query, mode, since),
+            explanation(parsed, plan(parsed, self._board.vocabulary)),
+            self._settings,
+            on_ready=on_ready,
+            on_drained=self._on_drained,
+            on_close=self._on_close,
+        )
+        with self._state:
+            if self._closed:
+                raise InvalidInput("the board is closing; it takes no more subscriptions")
+            self._subscriptions[subscription] = None
+            if not self._is_listening:
+                # From here on commits are kept, so none after the first evaluation is missed.
+                self._is_listening = True
+                self._evaluator.routed = max(self._evaluator.routed, self._delivered)
+            self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
+            self._state.notify_all()
+        return subscription
+
+    def explain(self, query: str) -> str:
+        """Which evaluation tier a query would have, and why.
+
+        Raises:
+            InvalidQuery: the query does not parse, or cannot be subscribed to.
+        """
+        parsed = self._parse(query)
+        return explanation(parsed, plan(parsed, self._board.vocabulary))
+
+    def subscriptions(self) -> list[Subscription]:
+        """All open subscriptions, oldest first."""
+        with self._state:
+            return list(self._subscriptions)
+
+    def wait_until(self, commit: int, timeout_s: float | None = None) -> bool:
+        """Blocks until all that a commit changes has been queued for its subscribers.
+
+        Returns:
+            False if that took longer than the time-out.
+        """
+        with self._state:
+            return self._state.wait_for(
+                lambda: self._closed or (self._is_settled() and self._delivered >= commit),
+                timeout_s,
+            )
+
+    def close(self) -> None:
+        """Ends all subscriptions and the thread. Closing twice is harmless."""
+        with self._state:
+            if self._closed:
+                return
+            self._closed = True
+            open_ones = list(self._subscriptions)
+            self._state.notify_all()
+        self._stop_listening()
+        self._thread.join()
+        for subscription in open_ones:
+            subscription.close()
+
+    def _parse(self, query: str) -> ParsedQuery:
+        parsed = self._parsed.get(query)
+        if parsed is None:
+            parsed = parse(query)
+            if len(self._parsed) >= _PARSED_MAX:
+                self._parsed.clear()
+            self._parsed[query] = parsed
+        return parsed
+
+    def _on_commits(self, commits: Sequence[Commit]) -> None:
+        """Called by the writer's thread."""
+        with self._state:
+            self._delivered = commits[-1].number
+            if self._is_listening:
+                self._groups.append(_Group(commits, self._board.vocabulary))
+            self._state.notify_all()
+
+    def _on_drained(self, subscription: Subscription) -> None:
+        with self._state:
+            self._tasks.append(lambda: self._evaluator.refresh(subscription))
+            self._state.notify_all()
+
+    def _on_close(self, subscription: Subscription) -> None:
+        with self._state:
+            self._subscriptions.pop(subscription, None)
+            self._tasks.append(lambda: self._evaluator.close(subscription, time.monotonic()))
+            self._state.notify_all()
+
+    def _is_settled(self) -> bool:
+        return not (self._groups or self._tasks or self._busy)
+
+    def _run(self) -> None:
+        """The evaluator's thread."""
+        rest_until_s = 0.0
+        due_s: float | None = None
+        while True:
+            with self._state:
+                self._busy = self._evaluator.has_work
+                self._state.notify_all()
+                while not (self._closed or self._groups or self._tasks):
+                    now_s = time.monotonic()
+                    if self._evaluator.has_work:
+                        timeout_s = rest_until_s - now_s
+                    elif due_s is not None:
+                        timeout_s = due_s - now_s
+                    else:
+                        timeout_s = None
+                    if timeout_s is not None and timeout_s <= 0.0:
+                        break
+                    self._state.wait(timeout_s)
+                if self._closed:
+                    return
+                self._busy = True
+                task = self._tasks.popleft() if self._tasks else None
+            try:
+                self._route_arrived()
+                if task is not None:
+                    task()
+                began_s = time.monotonic()
+                if self._evaluator.has_work and began_s >= rest_until_s:
+                    self._evaluator.reevaluate_next()
+                    took_s = time.monotonic() - began_s
+                    share = self._settings.reevaluation_share
+                    rest_until_s = began_s + took_s / share
+                due_s = self._evaluator.retire(time.monotonic())
+            except Exception:
+                logger.exception("the subscriptions met an unexpected error")
+            if not len(self._evaluator):
+                self._stop_keeping()
+
+    def _stop_keeping(self) -> None:
+        """Nobody subscribes: commits need not be kept."""
+        with self._state:
+            if not self._tasks:
+                self._is_listening = False
+                self._groups.clear()
+
+    def _route_arrived(self) -> None:
+        while True:
+            with self._state:
+                group = self._groups.popleft() if self._groups else None
+            if group is None:
+                return
+            for commit in group.commits:
+                self._evaluator.route(commit, group.vocabulary)
+
+    def _arrive(self, commit: int) -> None:
+        """Routes commits until the given one has been routed.
+
+        A query may see a group of commits a moment before the writer has told of it.
+        """
+        self._route_arrived()
+        if self._evaluator.routed >= commit:
+            return
+        deadline_s = time.monotonic() + _ARRIVAL_TIMEOUT_S
+        while self._evaluator.routed < commit and time.monotonic() < deadline_s:
+            with self._state:
+                if self._closed:
+                    return
+                self._state.wait_for(
+                    lambda: self._closed or bool(self._groups),
+                    max(0.0, deadline_s - time.monotonic()),
+                )
+            self._route_arrived()
+        if self._evaluator.routed < commit:
+            logger.warning("commits up to %s were not told of; reading the journal", commit)
+            for missed in list(self._board.commits(self._evaluator.routed, commit)):
+                self._evaluator.route(missed, self._board.vocabulary)

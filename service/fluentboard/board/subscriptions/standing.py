@@ -1,0 +1,251 @@
+"""A standing query as it lives: its present result, its past deltas, and who is told of changes."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from fluentboard.board.events import FluentEvent
+from fluentboard.board.subscriptions.changes import CommitChange, EventChange
+from fluentboard.board.subscriptions.footprint import Shape
+from fluentboard.board.subscriptions.messages import Answer, Change
+from fluentboard.board.subscriptions.query import ParsedQuery
+from fluentboard.board.subscriptions.reevaluate import Reevaluation
+from fluentboard.board.subscriptions.results import (
+    Bag,
+    Difference,
+    Solution,
+    apply,
+    difference,
+    fluents_in,
+)
+from fluentboard.board.subscriptions.settings import SubscriptionSettings
+from fluentboard.board.subscriptions.subscription import Subscription
+from fluentboard.board.subscriptions.touch_index import matches
+
+
+class Incremental(Protocol):
+    """A tier that tells from an event alone how the result changes.
+
+    An ontology makes the planner choose anew, so an instance lives with one vocabulary.
+    """
+
+    @property
+    def tier(self) -> int:
+        """Number of the tier."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why the tier is sound for the query."""
+        ...
+
+    @property
+    def keys(self) -> frozenset[Shape]:
+        """A fluent without a statement of one of these shapes contributes nothing."""
+        ...
+
+    def difference(self, change: EventChange) -> Difference:
+        """How the event changes the result."""
+        ...
+
+
+Plan = Reevaluation | Incremental
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Fluents that came into a result and that left it."""
+
+    come: set[str]
+    gone: set[str]
+
+
+class StandingQuery:
+    """One query text with all its subscribers. Used by the evaluator's thread alone.
+
+    Attributes:
+        query: the query.
+        plan: how it is evaluated.
+        bag: the result, exact at every commit up to the first of `pending`.
+        pending: commits that may have changed the result since, not evaluated yet.
+        subscribers: who is told, in the order they came.
+        idle_since_s: when the last subscriber left, on the monotonic clock.
+    """
+
+    def __init__(self, query: ParsedQuery, plan: Plan, settings: SubscriptionSettings) -> None:
+        self.query = query
+        self.plan = plan
+        self.bag: Bag = {}
+        self.pending: list[CommitChange] = []
+        self.subscribers: dict[Subscription, None] = {}
+        self.idle_since_s: float | None = None
+        self._settings = settings
+        self._answer: Answer | None = None
+        self._ring: deque[Change] = deque()
+        self._ring_solutions = 0
+        self._ring_start = 0
+        # How many solutions hold each fluent; kept once a subscriber wants events.
+        self._names: Counter[str] | None = None
+        self._events_start = 0
+
+    @property
+    def tells_events(self) -> bool:
+        """Deltas carry events, because somebody asked for them."""
+        return self._names is not None
+
+    @property
+    def names(self) -> Iterable[str]:
+        """Fluents in the result; empty unless `tells_events`."""
+        return () if self._names is None else self._names.keys()
+
+    def start(self, commit: int, bag: Bag) -> None:
+        """Sets the first result."""
+        self.bag = bag
+        self._ring_start = commit
+
+    def tell_events(self, commit: int) -> set[str]:
+        """Has deltas after `commit` carry events; the fluents in the result at present."""
+        self._names = Counter()
+        self._events_start = commit
+        for solution in self.bag:
+            self._names.update(set(fluents_in(solution)))
+        return set(self._names)
+
+    def exact_at(self, routed: int) -> int:
+        """The last commit at which the result is known to be `bag`.
+
+        Args:
+            routed: the last commit that was compared with the footprint.
+        """
+        return self.pending[0].number - 1 if self.pending else routed
+
+    def answer(self) -> Answer:
+        """The present result, copied so that it stays as it is."""
+        if self._answer is None:
+            self._answer = Answer(self.query.form, self.query.variables, dict(self.bag))
+        return self._answer
+
+    def replace(self, covered: Sequence[CommitChange], bag: Bag) -> tuple[Change | None, Names]:
+        """Takes over a fresh result that covers some commits."""
+        change = difference(self.bag, bag)
+        if change:
+            self.bag = bag
+        return self._changed(covered, change)
+
+    def apply(
+        self, covered: Sequence[CommitChange], change: Difference
+    ) -> tuple[Change | None, Names] | None:
+        """Takes over a difference; None if it does not fit the result, which stays as it was."""
+        if not apply(self.bag, change):
+            return None
+        return self._changed(covered, change)
+
+    def missed_after(self, since: int, *, events: bool) -> list[Change] | None:
+        """The deltas after a commit, or None if they are not all known any more."""
+        if since < self._ring_start or (events and since < self._events_start):
+            return None
+        if any(change.since < since < change.commit for change in self._ring):
+            # Inside a coalesced delta: the state at that commit was never computed.
+            return None
+        return [change for change in self._ring if change.commit > since]
+
+    def _changed(
+        self, covered: Sequence[CommitChange], change: Difference
+    ) -> tuple[Change | None, Names]:
+        if change:
+            self._answer = None
+        names = self._count_names(change)
+        events = self._events(covered, change, names.gone)
+        if not (change or events):
+            return None, names
+        told = Change(
+            self.query.form,
+            self.query.variables,
+            covered[0].number - 1,
+            covered[-1].number,
+            change,
+            events,
+            bool(self.bag) if self.query.form == "ask" else None,
+        )
+        self._remember(told)
+        return told, names
+
+    def _count_names(self, change: Difference) -> Names:
+        come: set[str] = set()
+        gone: set[str] = set()
+        if self._names is None:
+            return Names(come, gone)
+        for solution in change.removed:
+            if solution not in self.bag:
+                for name in set(fluents_in(solution)):
+                    self._names[name] -= 1
+                    if not self._names[name]:
+                        del self._names[name]
+                        gone.add(name)
+        for solution, count in change.added.items():
+            if self.bag[solution] == count:
+                for name in set(fluents_in(solution)):
+                    if not self._names[name]:
+                        come.add(name)
+                    self._names[name] += 1
+        return Names(come - gone, gone - come)
+
+    def _events(
+        self, covered: Sequence[CommitChange], change: Difference, gone: set[str]
+    ) -> tuple[tuple[int, FluentEvent], ...]:
+        """The events to tell of.
+
+        Those of fluents that are in the result before or after. If there are none although the
+        result changed (a count, an ASK, a fluent that others complete), those that touched the
+        footprint.
+        """
+        if self._names is None:
+            return ()
+        concerned = tuple(
+            (commit.number, event)
+            for commit in covered
+            for event in commit.commit.events
+            if event.after.name in self._names or event.after.name in gone
+        )
+        if concerned or not change:
+            return concerned
+        return tuple(
+            (commit.number, event.event)
+            for commit in covered
+            for event in commit.events
+            if self._is_touched_by(event)
+        )
+
+    def _is_touched_by(self, event: EventChange) -> bool:
+        return any(
+            matches(shape, statement)
+            for statement in event.statements
+            for shape in self.query.footprint.shapes
+        )
+
+    def _remember(self, change: Change) -> None:
+        self._ring.append(change)
+        self._ring_solutions += len(change)
+        while len(self._ring) > self._settings.ring_deltas or (
+            self._ring_solutions > self._settings.ring_solutions
+        ):
+            oldest = self._ring.popleft()
+            self._ring_solutions -= len(oldest)
+            self._ring_start = oldest.commit
+
+
+def net(differences: Iterable[Difference]) -> Difference:
+    """One difference for several in a row."""
+    total: Counter[Solution] = Counter()
+    for change in differences:
+        for solution, count in change.added.items():
+            total[solution] += count
+        for solution, count in change.removed.items():
+            total[solution] -= count
+    return Difference(
+        {solution: count for solution, count in total.items() if count > 0},
+        {solution: -count for solution, count in total.items() if count < 0},
+    )

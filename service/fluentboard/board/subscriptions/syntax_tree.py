@@ -1,0 +1,42 @@
+"""rdflib's syntax tree of a query; the one file that calls rdflib's parser.
+
+The tree is used rather than rdflib's algebra: the translation to algebra drops parts (filters in
+nested EXISTS, GRAPH with an empty pattern) that an answer depends on.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, cast
+
+from rdflib import BNode
+from rdflib.plugins.sparql import algebra
+from rdflib.plugins.sparql.parser import parseQuery
+
+from fluentboard_ontology import PREFIXES
+
+
+def tree_of(text: str) -> Any:
+    """The syntax tree with prefixed names resolved and property paths as rdflib path objects.
+
+    Raises:
+        Exception: of many types, if rdflib does not read the query.
+    """
+    parsed = cast("Any", parseQuery(text))
+    tools = cast("Any", algebra)
+    prologue = tools.translatePrologue(parsed[0], None, dict(PREFIXES))
+    tree = tools.traverse(parsed[1], visitPost=partial(tools.translatePName, prologue=prologue))
+    return tools.traverse(tree, visitPost=tools.translatePath)
+
+
+def template_makes_blank_nodes(tree: Any) -> bool:
+    """The template of a CONSTRUCT has blank nodes, which are new in each solution."""
+    if "template" in tree:
+        return any(isinstance(term, BNode) for triple in tree["template"] for term in triple)
+    # CONSTRUCT WHERE: the blank nodes of its pattern stand in the template too.
+    return any(
+        isinstance(term, BNode)
+        for part in tree["where"]["part"]
+        for triple in part["triples"]
+        for term in triple
+    )
