@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
@@ -63,11 +61,10 @@ class Blackboard:
         >>> board.close()
     """
 
-    def __init__(self, projections: Projections, clock: Clock, scratch: Path | None) -> None:
+    def __init__(self, projections: Projections, clock: Clock) -> None:
         self._projections = projections
         self._journal = projections.journal
         self.clock = clock
-        self._scratch = scratch
         self._writer = Writer(projections, clock)
 
     @classmethod
@@ -94,25 +91,17 @@ class Blackboard:
             InvalidOntology: an ontology file is missing or does not parse.
         """
         clock = clock or SystemClock()
-        scratch = Path(tempfile.mkdtemp(prefix="fluentboard-")) if data is None else None
-        folder = scratch or data or Path()
-        journal: SqliteJournal | None = None
+        if data is not None:
+            _make_folder(data)
+        journal = SqliteJournal(data and data / "journal.sqlite", durability)
         try:
-            if data is not None:
-                _make_folder(folder)
-            journal = SqliteJournal(
-                folder / "journal.sqlite", "process" if data is None else durability
-            )
-            store = EmbeddedStore(None if data is None else folder / "store")
-            projections = Projections(journal, store, IntervalIndex())
-            projections.recover(trust_store=durability == "disk" or store.is_clean)
-            board = cls(projections, clock, scratch)
+            store = EmbeddedStore(data and data / "store")
+            projections = Projections(journal, store, IntervalIndex(), durability)
+            projections.recover()
         except BaseException:
-            if journal is not None:
-                journal.close()
-            if scratch is not None:
-                shutil.rmtree(scratch, ignore_errors=True)
+            journal.close()
             raise
+        board = cls(projections, clock)
         try:
             board.load_ontologies(ontologies, builtin=builtin_ontologies)
         except BaseException:
@@ -326,8 +315,6 @@ class Blackboard:
         """Finishes what was asked for, then lets go of all files. Closing twice is harmless."""
         if self._writer.close():
             self._projections.close()
-            if self._scratch is not None:
-                shutil.rmtree(self._scratch, ignore_errors=True)
 
     def __enter__(self) -> Blackboard:
         return self

@@ -10,6 +10,7 @@ from __future__ import annotations
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -76,18 +77,20 @@ class SqliteJournal:
     """The journal in one SQLite file. One writer, any number of readers.
 
     Args:
-        path: the file; it is created if missing.
+        path: the file, created if missing; None keeps the journal in memory.
         durability: "disk" fsyncs each append; "process" survives a crash of the process only.
 
     Raises:
         StorageFailed: the file cannot be opened or is not a journal of this version.
     """
 
-    def __init__(self, path: Path, durability: Durability = "disk") -> None:
+    def __init__(self, path: Path | None, durability: Durability = "disk") -> None:
         self._path = path
         self._local = threading.local()
         self._connections: list[sqlite3.Connection] = []
         self._guard = threading.Lock()
+        # In memory there is one connection for all threads, so reads and appends take turns.
+        self._exclusive = threading.Lock() if path is None else nullcontext()
         try:
             self._writer = self._connect()
             self._writer.execute(
@@ -127,6 +130,11 @@ class SqliteJournal:
             raise StorageFailed(
                 f"commits do not follow number {self._last}; is there a second writer?"
             )
+        with self._exclusive:
+            self._append(commits)
+        self._last += len(commits)
+
+    def _append(self, commits: Sequence[KeyedCommit]) -> None:
         connection = self._writer
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -168,9 +176,8 @@ class SqliteJournal:
                 connection.execute("ROLLBACK")
             raise StorageFailed(
                 f"the journal cannot be written: {problem}; nothing was stored. Free disk space in "
-                f"{self._path.parent} and repeat the request"
+                f"{self._path.parent if self._path else 'memory'} and repeat the request"
             ) from None
-        self._last += len(commits)
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
         """The fluent as it stands, or as it stood after commit `as_of`.
@@ -273,7 +280,7 @@ class SqliteJournal:
 
     def _connect(self) -> sqlite3.Connection:
         connection = sqlite3.connect(
-            self._path, isolation_level=None, check_same_thread=False, timeout=30.0
+            self._path or ":memory:", isolation_level=None, check_same_thread=False, timeout=30.0
         )
         connection.execute("PRAGMA journal_mode = WAL")
         with self._guard:
@@ -281,6 +288,9 @@ class SqliteJournal:
         return connection
 
     def _read(self, sql: str, parameters: tuple[Any, ...]) -> Iterator[Any]:
+        if self._path is None:
+            with self._exclusive:
+                return iter(self._writer.execute(sql, parameters).fetchall())
         connection: sqlite3.Connection | None = getattr(self._local, "connection", None)
         if connection is None:
             connection = self._local.connection = self._connect()

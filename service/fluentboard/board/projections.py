@@ -13,7 +13,7 @@ import pyoxigraph as ox
 
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.intervals import IntervalIndex
-from fluentboard.board.journal import SqliteJournal
+from fluentboard.board.journal import Durability, SqliteJournal
 from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.triples import event_lines, fluent_lines
 from fluentboard.board.vocabulary import Statement, Vocabulary, parse_statements
@@ -34,8 +34,15 @@ class Projections:
     Only the writer's thread changes them; any thread reads.
     """
 
-    def __init__(self, journal: SqliteJournal, store: EmbeddedStore, index: IntervalIndex) -> None:
+    def __init__(
+        self,
+        journal: SqliteJournal,
+        store: EmbeddedStore,
+        index: IntervalIndex,
+        durability: Durability,
+    ) -> None:
         self.journal = journal
+        self._durability = durability
         self.store = store
         self.index = index
         self.vocabulary = Vocabulary()
@@ -75,14 +82,13 @@ class Projections:
         self._apply_events(commits, last)
         self.applied = last
         if last - self._marked >= _MARK_EVERY:
-            self.store.mark(state="open")
+            self.store.mark(state=self._durability)
             self._marked = last
 
-    def recover(self, *, trust_store: bool) -> None:
+    def recover(self) -> None:
         """Reads the journal into memory and replays into the store what it has not seen.
 
-        Args:
-            trust_store: the store holds nothing that the journal lost; otherwise it is rebuilt.
+        A store that may hold what the journal has lost is rebuilt.
         """
         last = self.journal.last
         for change in self.journal.statements():
@@ -94,7 +100,7 @@ class Projections:
                 name, class_name, (*_bounds(s1, s2, -math.inf), *_bounds(f1, f2, math.inf)), number
             )
         seen = self.store.applied
-        if not trust_store or seen > last or (seen == 0 and last > 0):
+        if self.store.may_be_ahead or seen > last or (seen == 0 and last > 0):
             self._rebuild(last)
         elif seen < last:
             logger.info("replaying commits %s to %s into the RDF store", seen + 1, last)
@@ -108,7 +114,7 @@ class Projections:
                 self.apply(group)
         self.applied = last
         self._marked = last
-        self.store.mark(state="open")
+        self.store.mark(state=self._durability)
 
     def ontology_changes(
         self, files: Sequence[Path], *, builtin: bool

@@ -58,10 +58,13 @@ class EmbeddedStore:
         return self._applied
 
     @property
-    def is_clean(self) -> bool:
-        """The store was closed in order, or is new."""
+    def may_be_ahead(self) -> bool:
+        """A process that did not fsync its journal stopped without closing the store.
+
+        After a loss of power the store may then hold statements that the journal has lost.
+        """
         marks = [q.object for q in self._store.quads_for_pattern(None, _STATE, None, _META)]
-        return not any(isinstance(mark, ox.Literal) and mark.value == "open" for mark in marks)
+        return any(isinstance(mark, ox.Literal) and mark.value == "process" for mark in marks)
 
     def __len__(self) -> int:
         return len(self._store)
@@ -119,7 +122,7 @@ class EmbeddedStore:
         """Notes durably which commit the store is at.
 
         Args:
-            state: "open" while a process writes, "closed" after an orderly stop.
+            state: durability of the journal while a process writes, "closed" after it stopped.
         """
         old = list(self._store.quads_for_pattern(None, None, None, _META))
         mark = [
