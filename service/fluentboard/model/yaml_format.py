@@ -36,7 +36,7 @@ from fluentboard.model.yaml_tree import Node, Place, parsed
 MAX_DOCUMENT_CHARACTERS = 16 * 1024 * 1024
 """Longest `!Fluent` document that is read; 16 Mi characters are some 300,000 properties."""
 
-_Lines = Iterable[str] | Iterable[bytes] | TextIO | IO[bytes]
+_Lines = str | bytes | Iterable[str] | Iterable[bytes] | TextIO | IO[bytes]
 _EXAMPLES = {
     "Class_Instance": "[On, on4]",
     "StartTime": "[119.621, 161.817]",
@@ -92,7 +92,7 @@ def read_fluents(lines: _Lines, source: str = "<stream>") -> Iterator[Fluent]:
     The message and the detail of each name source, line and document, both counted from 1.
     """
     for document, (line, text) in enumerate(_documents(lines, source), start=1):
-        fluent = _read_canonical(text)
+        fluent = read_canonical(text)
         yield _Reader(Place(source, line, document)).fluent(text) if fluent is None else fluent
 
 
@@ -260,7 +260,7 @@ def _seconds(text: str) -> float | None:
     return seconds
 
 
-def _read_canonical(text: str) -> Fluent | None:
+def read_canonical(text: str) -> Fluent | None:
     """The fluent of a document in the layout of `fluent_to_yaml`, or None if it is not."""
     header = _HEADER.match(text)
     if header is None:
