@@ -24,9 +24,7 @@ def rng() -> np.random.Generator:
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of real recordings, or a skip where there is none."""
-    folder = Path(
-        os.environ.get("FLUENTBOARD_SHARED_DATA") or _CHECKOUT.parent / "shared" / "data"
-    )
+    folder = Path(os.environ.get("FLUENTBOARD_SHARED_DATA") or _CHECKOUT.parent / "shared" / "data")
     if not folder.is_dir():
         pytest.skip(f"no recordings in {folder}; set FLUENTBOARD_SHARED_DATA to their folder")
     return folder

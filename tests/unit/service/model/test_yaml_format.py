@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import tempfile
 from collections.abc import Iterator
 from typing import Any
 
@@ -83,6 +84,14 @@ def test_a_fluent_may_be_laid_out_in_many_ways(text: str):
 )
 def test_fluents_are_read_from_text_bytes_files_and_lines(lines: Any):
     assert list(read_fluents(lines)) == [MUG1]
+
+
+def test_fluents_are_read_from_an_upload():
+    # Uploads arrive as this kind of file, which is neither a text nor a binary one to Python.
+    with tempfile.SpooledTemporaryFile() as upload:
+        upload.write(document().encode())
+        upload.seek(0)
+        assert list(read_fluents(upload)) == [MUG1]
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", "---\n", "# nothing\n---\n...\n"])
