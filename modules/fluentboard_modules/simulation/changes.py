@@ -89,9 +89,11 @@ def changed(
         scene = _swap(scene, untouched, changes)
     for _ in range(config.removed):
         if untouched:
-            name = untouched.pop()
-            changes.append(Change(ChangeKind.REMOVED, name, scene[name].pose, None))
-            scene = scene.without(name)
+            after = scene.without(untouched.pop())
+            gone = [i for i in scene.instances if i.name not in after]
+            changes += [Change(ChangeKind.REMOVED, i.name, i.pose, None) for i in gone]
+            untouched = [name for name in untouched if name in after]
+            scene = after
     for _ in range(config.moved):
         scene = _move(scene, untouched, changes, rng, config)
     for _ in range(config.added):

@@ -55,7 +55,7 @@ def restaurant(rng: np.random.Generator, config: RestaurantConfig | None = None)
     table = furniture.table(width=1.2, depth=0.8, height=0.74)
     standing = [
         Instance("counter1", furniture.counter(), Pose.from_rpy(0.345, 3.2, 0.0)),
-        Instance("table1", table, near(2.9, 1.9, 0.5 * math.pi)),
+        Instance("table1", table, near(2.9, 2.15, 0.5 * math.pi)),
         Instance("table2", table, near(4.6, 4.1, 0.0)),
         Instance("plant1", belongings.plant(), near(6.75, 5.55, 0.0, 0.03, math.pi)),
     ]
