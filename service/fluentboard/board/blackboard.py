@@ -23,10 +23,11 @@ from fluentboard.board.events import Commit
 from fluentboard.board.intervals import FluentFilter, IntervalIndex, passes
 from fluentboard.board.journal import Durability, SqliteJournal
 from fluentboard.board.projections import Projections
+from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.store import EmbeddedStore, QueryResults
 from fluentboard.board.triples import fluent_iri, fluent_name, term
 from fluentboard.board.vocabulary import Vocabulary
-from fluentboard.board.writer import Listener, Request, Writer
+from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
 from fluentboard.errors import FluentboardError, InvalidInput
 from fluentboard.model.fluent import Fluent, Property
@@ -65,7 +66,8 @@ class Blackboard:
         self._projections = projections
         self._journal = projections.journal
         self.clock = clock
-        self._writer = Writer(projections, clock)
+        self._projector = Projector(projections)
+        self._writer = Writer(projections, self._projector, clock)
 
     @classmethod
     def open(
@@ -156,8 +158,8 @@ class Blackboard:
 
     @property
     def commit(self) -> int:
-        """Number of the last commit that all projections have applied."""
-        return self._projections.applied
+        """Number of the last commit; every read that starts now sees it."""
+        return self._projections.remembered
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -167,7 +169,7 @@ class Blackboard:
     @property
     def failure(self) -> str | None:
         """Why the board accepts no writes, or None while it does."""
-        return self._writer.failure
+        return self._projector.failure
 
     def __len__(self) -> int:
         return len(self._projections.index)
@@ -279,22 +281,29 @@ class Blackboard:
         """
         if default_graphs is None:
             sparql = self._rewritten(sparql)
+        self._projector.wait_for(self.commit)
         return self._projections.store.query(sparql, default_graphs, named_graphs)
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
-        """The results of a query, with the number of the commit that they are exact at."""
+        """The results of a query, with the number of the commit that they are exact at.
+
+        It does not wait: the commit may be one that is not the last any more.
+        """
+        # The rewritten query is right only where the class hierarchy of this vocabulary is stored.
+        self._projector.wait_for(self._projections.vocabulary_commit)
         return self._projections.store.snapshot_query(self._rewritten(sparql))
 
     def listen(self, callback: Listener) -> Callable[[], None]:
         """Has every group of commits passed on as soon as it is applied.
 
         Args:
-            callback: called in the writer's thread, so it must return at once.
+            callback: called in the projector's thread, so it must return at once. What it queries
+                shows at least these commits.
 
         Returns:
             Call it to stop listening.
         """
-        return self._writer.listen(callback)
+        return self._projector.listen(callback)
 
     def remarks(self, commands: Sequence[Command]) -> list[str]:
         """What is allowed but perhaps not meant: undeclared properties, dangling references."""
@@ -314,6 +323,7 @@ class Blackboard:
     def close(self) -> None:
         """Finishes what was asked for, then lets go of all files. Closing twice is harmless."""
         if self._writer.close():
+            self._projector.close()
             self._projections.close()
 
     def __enter__(self) -> Blackboard:

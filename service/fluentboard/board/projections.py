@@ -31,7 +31,8 @@ _MARK_EVERY = 1_000
 class Projections:
     """The RDF store, the interval index, the vocabulary and recent fluents.
 
-    Only the writer's thread changes them; any thread reads.
+    The writer's thread changes what is in memory (`remember`), the projector's thread the RDF store
+    (`project`); any thread reads.
     """
 
     def __init__(
@@ -46,10 +47,12 @@ class Projections:
         self.store = store
         self.index = index
         self.vocabulary = Vocabulary()
+        self.vocabulary_commit = 0
         self._ontologies: dict[str, StatementsChanged] = {}
+        self._stored_closure: set[Statement] = set()
         self._recent: dict[str, Fluent] = {}
         self._marked = 0
-        self.applied = 0
+        self.remembered = 0
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
         """A fluent as it stands, or as it stood after a commit.
@@ -69,21 +72,41 @@ class Projections:
                 )
         return self.journal.fluent(name, as_of)
 
-    def apply(self, commits: Sequence[Commit]) -> None:
-        """Brings all projections to the last of the commits.
+    def remember(self, commits: Sequence[Commit]) -> None:
+        """Brings what is in memory to the last of the commits; they are durable by now."""
+        for commit in commits:
+            loaded = {c.ontology: c for c in commit.statements if c.ontology}
+            if loaded:
+                self._ontologies = {**self._ontologies, **loaded}
+                self.vocabulary = self._vocabulary()
+                self.vocabulary_commit = commit.number
+            self.index.put((event.after, commit.number) for event in commit.events)
+            for event in commit.events:
+                self._recent.pop(event.after.name, None)
+                self._recent[event.after.name] = event.after
+        while len(self._recent) > _RECENT_MAX:
+            self._recent.pop(next(iter(self._recent)))
+        self.remembered = commits[-1].number
+
+    def project(self, commits: Sequence[Commit]) -> None:
+        """Brings the RDF store to the last of the commits.
 
         Raises:
-            StorageFailed: the RDF store cannot be written.
+            StorageFailed: the store cannot be written.
         """
-        last = commits[-1].number
+        waiting: list[Commit] = []
         for commit in commits:
             if commit.statements:
-                self._apply_statements(commit.statements, commit.number)
-        self._apply_events(commits, last)
-        self.applied = last
-        if last - self._marked >= _MARK_EVERY:
+                # An ontology may rename classes for the events after it, not for those before.
+                if waiting:
+                    self._project_events(waiting)
+                    waiting = []
+                self._project_statements(commit.statements, commit.number)
+            waiting.append(commit)
+        self._project_events(waiting)
+        if commits[-1].number - self._marked >= _MARK_EVERY:
             self.store.mark(state=self._durability)
-            self._marked = last
+            self._marked = commits[-1].number
 
     def recover(self) -> None:
         """Reads the journal into memory and replays into the store what it has not seen.
@@ -99,6 +122,7 @@ class Projections:
             self.index.put_outline(
                 name, class_name, (*_bounds(s1, s2, -math.inf), *_bounds(f1, f2, math.inf)), number
             )
+        self._stored_closure = self.vocabulary.closure()
         seen = self.store.applied
         if self.store.may_be_ahead or seen > last or (seen == 0 and last > 0):
             self._rebuild(last)
@@ -108,11 +132,11 @@ class Projections:
             for commit in self.journal.commits(seen):
                 group.append(commit)
                 if len(group) == _MARK_EVERY:
-                    self.apply(group)
+                    self.project(group)
                     group = []
             if group:
-                self.apply(group)
-        self.applied = last
+                self.project(group)
+        self.remembered = last
         self._marked = last
         self.store.mark(state=self._durability)
 
@@ -148,10 +172,9 @@ class Projections:
         self.store.close()
         self.journal.close()
 
-    def _apply_events(self, commits: Sequence[Commit], last: int) -> None:
+    def _project_events(self, commits: Sequence[Commit]) -> None:
         added: dict[str, None] = {}
         removed: dict[str, None] = {}
-        changed: dict[str, tuple[Fluent, int]] = {}
         for commit in commits:
             for event in commit.events:
                 new, old = event_lines(event, self.vocabulary)
@@ -161,39 +184,32 @@ class Projections:
                         del added[line]
                     else:
                         removed[line] = None
-                for line in new:
-                    if line in removed:
-                        del removed[line]
-                    else:
-                        added[line] = None
-                self.index.put([(event.after, commit.number)])
-                changed[event.after.name] = (event.after, commit.number)
-        self.store.apply("".join(added), "".join(removed), last)
-        for name, (fluent, _) in changed.items():
-            self._recent.pop(name, None)
-            self._recent[name] = fluent
-        while len(self._recent) > _RECENT_MAX:
-            self._recent.pop(next(iter(self._recent)))
+                if removed:
+                    for line in new:
+                        if line in removed:
+                            del removed[line]
+                        else:
+                            added[line] = None
+                else:
+                    added.update(dict.fromkeys(new))
+        self.store.apply("".join(added), "".join(removed), commits[-1].number)
 
-    def _apply_statements(self, changes: Iterable[StatementsChanged], number: int) -> None:
-        old_closure = self.vocabulary.closure()
+    def _project_statements(self, changes: Iterable[StatementsChanged], number: int) -> None:
         for change in changes:
             graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
             self.store.apply_statements(
                 _quads(change.added, graph), _quads(change.removed, graph), number
             )
-            if change.ontology:
-                self._ontologies[change.ontology] = change
         # Another ontology may say some of the removed statements too.
         for change in self._ontologies.values():
             self.store.apply_statements(_quads(change.added, ox.DefaultGraph()), (), number)
-        self.vocabulary = self._vocabulary()
         closure = self.vocabulary.closure()
         self.store.apply_statements(
-            _quads(_text(closure - old_closure), ox.DefaultGraph()),
-            _quads(_text(old_closure - closure), ox.DefaultGraph()),
+            _quads(_text(closure - self._stored_closure), ox.DefaultGraph()),
+            _quads(_text(self._stored_closure - closure), ox.DefaultGraph()),
             number,
         )
+        self._stored_closure = closure
 
     def _vocabulary(self) -> Vocabulary:
         return Vocabulary(

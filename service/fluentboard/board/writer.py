@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +12,7 @@ from fluentboard.board.commands import Command, CorrectFluent, decide, name_of
 from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
 from fluentboard.board.journal import KeyedCommit
 from fluentboard.board.projections import Projections
+from fluentboard.board.projector import Projector
 from fluentboard.clock import Clock
 from fluentboard.errors import (
     FluentboardError,
@@ -23,8 +23,6 @@ from fluentboard.errors import (
 from fluentboard.model.fluent import Fluent
 
 logger = logging.getLogger(__name__)
-
-Listener = Callable[[Sequence[Commit]], None]
 
 _GROUP_REQUESTS_MAX = 256
 _GROUP_COMMANDS_MAX = 20_000
@@ -49,37 +47,25 @@ class Writer:
     does not disturb the others of its group.
     """
 
-    def __init__(self, projections: Projections, clock: Clock) -> None:
+    def __init__(self, projections: Projections, projector: Projector, clock: Clock) -> None:
         self._projections = projections
+        self._projector = projector
         self._journal = projections.journal
         self._clock = clock
         self._waiting: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
-        self._listeners: tuple[Listener, ...] = ()
         self._guard = threading.Lock()
         self._closed = False
-        self.failure: str | None = None
         self._thread = threading.Thread(target=self._run, name="fluentboard-writer", daemon=True)
         self._thread.start()
 
     def submit(self, request: Request) -> Future[Commit]:
-        """Queues a request; its future is done when the commit is durable and projected."""
+        """Queues a request; its future is done when the commit is durable."""
         with self._guard:
             if self._closed:
                 request.answer.set_exception(StorageFailed("the board is closed; open it again"))
             else:
                 self._waiting.put(request)
         return request.answer
-
-    def listen(self, callback: Listener) -> Callable[[], None]:
-        """Adds a listener; the returned function removes it."""
-        with self._guard:
-            self._listeners = (*self._listeners, callback)
-
-        def stop() -> None:
-            with self._guard:
-                self._listeners = tuple(one for one in self._listeners if one is not callback)
-
-        return stop
 
     def close(self) -> bool:
         """Finishes what was queued and stops; False if it was closed before."""
@@ -122,9 +108,9 @@ class Writer:
         return group, False
 
     def _commit(self, group: list[Request]) -> None:
-        if self.failure is not None:
+        if self._projector.failure is not None:
             for request in group:
-                request.answer.set_exception(StorageFailed(self.failure))
+                request.answer.set_exception(StorageFailed(self._projector.failure))
             return
         accepted: list[tuple[Request, KeyedCommit]] = []
         answered: list[tuple[Request, Commit | FluentboardError]] = []
@@ -143,7 +129,8 @@ class Writer:
         try:
             if commits:
                 self._journal.append([entry for _, entry in accepted])
-                self._project(commits)
+                self._projections.remember(commits)
+                self._projector.put(commits)
         except StorageFailed as problem:
             # Nothing of this group is on disk. What was answered without a commit may rest on the
             # failed changes, so it fails with them.
@@ -228,18 +215,3 @@ class Writer:
             return self._projections.fluent(name)
         except UnknownFluent:
             return None
-
-    def _project(self, commits: Sequence[Commit]) -> None:
-        try:
-            self._projections.apply(commits)
-        except StorageFailed as problem:
-            # The commits are durable, only their projection is missing: they are acknowledged, and
-            # the board takes no more writes until a restart has caught up.
-            self.failure = f"{problem.message}; restart the board to catch up from the journal"
-            logger.error("the projections fell behind the journal: %s", problem.message)
-            return
-        for listener in self._listeners:
-            try:
-                listener(commits)
-            except Exception:
-                logger.exception("a listener failed on commit %s", commits[-1].number)

@@ -220,14 +220,19 @@ def test_listing_by_property_value(board: Blackboard) -> None:
 
 def test_listener_gets_commits_in_order(board: Blackboard) -> None:
     seen: list[int] = []
+    heard_all = threading.Event()
 
     def remember(commits: Sequence[Commit]) -> None:
         seen.extend(commit.number for commit in commits)
+        if len(seen) >= 3:
+            heard_all.set()
 
     stop = board.listen(remember)
     numbers = [board.execute([AssertFluent(Fluent(f"m{i}", "Mug"))], "a").number for i in range(3)]
+    assert heard_all.wait(10.0)
     stop()
     board.execute([AssertFluent(Fluent("unheard", "Mug"))], "a")
+    board.close()
     assert seen == numbers
 
 

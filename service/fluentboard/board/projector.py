@@ -1,0 +1,120 @@
+"""The projector: a thread that brings the RDF store up to the journal, and then tells listeners.
+
+A write is answered as soon as it is durable, while the store is brought up on the other core. A
+query waits until the store has everything that was answered before the query came.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+
+from fluentboard.board.events import Commit
+from fluentboard.board.projections import Projections
+from fluentboard.errors import StorageFailed
+
+logger = logging.getLogger(__name__)
+
+Listener = Callable[[Sequence[Commit]], None]
+
+_WAITING_EVENTS_MAX = 50_000
+_GROUP_EVENTS_MAX = 20_000
+
+
+class Projector:
+    """Applies commits to the RDF store in order, many at a time."""
+
+    def __init__(self, projections: Projections) -> None:
+        self._projections = projections
+        self._changed = threading.Condition()
+        self._waiting: list[Commit] = []
+        self._waiting_events = 0
+        self._closing = False
+        self._listeners: tuple[Listener, ...] = ()
+        self.failure: str | None = None
+        self._thread = threading.Thread(target=self._run, name="fluentboard-projector", daemon=True)
+        self._thread.start()
+
+    def put(self, commits: Sequence[Commit]) -> None:
+        """Hands over commits that are durable; waits while too many are in the queue."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._waiting_events < _WAITING_EVENTS_MAX or self.failure is not None
+            )
+            self._waiting.extend(commits)
+            self._waiting_events += sum(len(commit.events) for commit in commits)
+            self._changed.notify_all()
+
+    def wait_for(self, commit: int) -> None:
+        """Returns when the RDF store has applied a commit.
+
+        Raises:
+            StorageFailed: the store cannot be written; a restart catches up.
+        """
+        if self._projections.store.applied >= commit:
+            return
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._projections.store.applied >= commit or self.failure is not None
+            )
+            if self.failure is not None and self._projections.store.applied < commit:
+                raise StorageFailed(self.failure)
+
+    def listen(self, callback: Listener) -> Callable[[], None]:
+        """Adds a listener; the returned function removes it."""
+        with self._changed:
+            self._listeners = (*self._listeners, callback)
+
+        def stop() -> None:
+            with self._changed:
+                self._listeners = tuple(one for one in self._listeners if one is not callback)
+
+        return stop
+
+    def close(self) -> None:
+        """Applies what is in the queue and stops."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting or self._closing)
+                if not self._waiting:
+                    return
+                group = self._next_group()
+                listeners = self._listeners
+            try:
+                self._projections.project(group)
+            except Exception as problem:
+                # The commits are durable, only their projection is missing.
+                logger.exception("the RDF store fell behind the journal")
+                with self._changed:
+                    self.failure = (
+                        f"the RDF store cannot follow the journal ({problem}); restart the board, "
+                        "it catches up from the journal"
+                    )
+                    self._waiting.clear()
+                    self._changed.notify_all()
+                return
+            with self._changed:
+                self._waiting_events -= sum(len(commit.events) for commit in group)
+                self._changed.notify_all()
+            for listener in listeners:
+                try:
+                    listener(group)
+                except Exception:
+                    logger.exception("a listener failed on commit %s", group[-1].number)
+
+    def _next_group(self) -> list[Commit]:
+        count = events = 0
+        for commit in self._waiting:
+            events += len(commit.events)
+            if count and events > _GROUP_EVENTS_MAX:
+                break
+            count += 1
+        group, self._waiting = self._waiting[:count], self._waiting[count:]
+        return group
