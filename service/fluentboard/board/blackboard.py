@@ -119,7 +119,8 @@ class Blackboard:
         """
         changes = self._projections.ontology_changes(files, builtin=builtin)
         if changes:
-            self._writer.submit(Request((), "fluentboard", statements=changes)).result()
+            commit = self._writer.submit(Request((), "fluentboard", statements=changes)).result()
+            self._projector.wait_for(commit.number)
 
     def submit(
         self,

@@ -195,20 +195,22 @@ class Projections:
         self.store.apply("".join(added), "".join(removed), commits[-1].number)
 
     def _project_statements(self, changes: Iterable[StatementsChanged], number: int) -> None:
-        for change in changes:
-            graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
-            self.store.apply_statements(
-                _quads(change.added, graph), _quads(change.removed, graph), number
-            )
-        # Another ontology may say some of the removed statements too.
-        for change in self._ontologies.values():
-            self.store.apply_statements(_quads(change.added, ox.DefaultGraph()), (), number)
         closure = self.vocabulary.closure()
-        self.store.apply_statements(
-            _quads(_text(closure - self._stored_closure), ox.DefaultGraph()),
-            _quads(_text(self._stored_closure - closure), ox.DefaultGraph()),
-            number,
-        )
+        default = ox.DefaultGraph()
+        added = _quads(_text(closure - self._stored_closure), default)
+        removed = _quads(_text(self._stored_closure - closure), default)
+        for change in changes:
+            graph = ox.NamedNode(change.graph) if change.graph else default
+            added += _quads(change.added, graph)
+            removed += _quads(change.removed, graph)
+        # An ontology that stays may say some of what another one no longer says.
+        kept = {
+            quad
+            for change in (self._ontologies.values() if removed else ())
+            for quad in _quads(change.added, default)
+        }
+        # In one step, or a reader could see half of it and take it for the whole.
+        self.store.apply_statements(added, [q for q in removed if q not in kept], number)
         self._stored_closure = closure
 
     def _vocabulary(self) -> Vocabulary:

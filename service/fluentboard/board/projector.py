@@ -86,7 +86,6 @@ class Projector:
                 if not self._waiting:
                     return
                 group = self._next_group()
-                listeners = self._listeners
             try:
                 self._projections.project(group)
             except Exception as problem:
@@ -103,6 +102,9 @@ class Projector:
             with self._changed:
                 self._waiting_events -= sum(len(commit.events) for commit in group)
                 self._changed.notify_all()
+                # Taken only now: who began to listen meanwhile may have read the store before this
+                # group, and must be told of it.
+                listeners = self._listeners
             for listener in listeners:
                 try:
                     listener(group)
