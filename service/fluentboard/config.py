@@ -16,6 +16,9 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, field_validator
 from pydantic.fields import FieldInfo
 
+from fluentboard.board.subscriptions.settings import (
+    SubscriptionSettings as StandingQuerySettings,
+)
 from fluentboard.errors import InvalidConfiguration
 
 ENVIRONMENT_PREFIX = "FLUENTBOARD_"
@@ -91,7 +94,10 @@ class LimitSettings(_Section):
         default=4, description="Queries evaluated side by side; more wait for their turn."
     )
     result_rows_max: _Count = Field(
-        default=1_000_000, description="Most solutions or triples in the result of one query."
+        default=1_000_000, description="Most solutions in the result of one query."
+    )
+    result_max_bytes: _Count = Field(
+        default=256 * 2**20, description="Longest result of one query."
     )
     result_memory_max_bytes: _Count = Field(
         default=4 * 2**20,
@@ -99,20 +105,16 @@ class LimitSettings(_Section):
     )
 
 
-class SubscriptionSettings(_Section):
+class SubscriptionSettings(StandingQuerySettings):
     """What live queries may cost."""
 
     per_client_max: _Count = Field(default=100, description="Most subscriptions on one connection.")
-    queue_max: _Count = Field(
-        default=1_000,
-        description="Changes kept for a slow subscriber before it is told that it lagged.",
-    )
     message_max_bytes: _Count = Field(
         default=2**20, description="Longest message that a client may send."
     )
     heartbeat_s: _Seconds = Field(
         default=20.0,
-        description="How often a silent WebSocket is pinged; no answer for as long closes it.",
+        description="How often a WebSocket is pinged; no answer for as long again closes it.",
     )
 
 
@@ -241,7 +243,7 @@ def settings_yaml(settings: Settings) -> str:
             # One line per key: a flow-style document of one value, less the end-of-document mark.
             text = yaml.safe_dump(shown[key], default_flow_style=True, width=10**9)
             value = text.removesuffix("...\n").strip()
-            lines.append(f"  {key}: {value}  # {field.description}")
+            lines.append(f"  {key}: {value}  # {_sentence(field.description or '')}")
     return "\n".join(["# Settings of fluentboard serve.", *lines]) + "\n"
 
 
@@ -353,3 +355,7 @@ def _model(field: FieldInfo) -> type[BaseModel]:
 
 def _first_line(section: type[BaseModel]) -> str:
     return (section.__doc__ or "").strip().splitlines()[0]
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:].removesuffix(".") + "."

@@ -1,0 +1,150 @@
+"""The application: `create_app` wires board, settings and routes together, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from fastapi import FastAPI, Request
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from fluentboard import __version__
+from fluentboard.api.edge import Edge
+from fluentboard.api.evaluation import Evaluator
+from fluentboard.api.exchange import Receive, Scope, Send
+from fluentboard.api.fluents import FluentRoutes
+from fluentboard.api.live import LiveRoutes
+from fluentboard.api.metrics import Metrics
+from fluentboard.api.openapi import openapi_document
+from fluentboard.api.operations import Operation, Router, no_such_path
+from fluentboard.api.problems import internal_error, method_not_allowed, problem_reply
+from fluentboard.api.security import Guard
+from fluentboard.api.sparql import SparqlRoutes
+from fluentboard.api.system import SystemRoutes
+from fluentboard.api.transfer import TransferRoutes
+from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.subscriptions.registry import SubscriptionRegistry
+from fluentboard.config import Settings
+from fluentboard.errors import FluentboardError
+
+
+class BoardApp(FastAPI):
+    """The board's routes; FastAPI behind them serves the OpenAPI document and routes of others.
+
+    Attributes:
+        live: the WebSockets; whoever runs the app closes them before it stops.
+        operations: all routes of the board.
+    """
+
+    def __init__(
+        self,
+        operations: list[Operation],
+        guard: Guard,
+        metrics: Metrics,
+        live: LiveRoutes,
+        **options: Any,
+    ) -> None:
+        super().__init__(
+            title="fluentboard",
+            version=__version__,
+            docs_url=None,
+            redoc_url=None,
+            **options,
+        )
+        self.operations = operations
+        self.live = live
+        self._router = Router(operations)
+        self._edge = Edge(self._router, guard, metrics)
+        self._is_open = guard.is_open
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request, WebSocket or lifespan."""
+        kind = scope["type"]
+        if kind == "lifespan":
+            await super().__call__(scope, receive, send)
+            return
+        path: str = scope["path"]
+        root: str = scope.get("root_path", "")
+        if root and path.startswith(root):
+            path = path[len(root) :]
+        if kind == "http" and self._router.knows(path):
+            await self._edge.serve(scope, receive, send, path)
+        elif kind == "websocket" and path == "/subscriptions":
+            await self.live.serve(scope, receive, send, path)
+        else:
+            await super().__call__(scope, receive, send)
+
+    def openapi(self) -> dict[str, Any]:
+        """The OpenAPI 3.1 document of the board, with routes added to this app by others."""
+        if self.openapi_schema is None:
+            document = openapi_document(self.operations, __version__, is_open=self._is_open)
+            document["paths"].update(super().openapi().get("paths", {}))
+            self.openapi_schema = document
+        return self.openapi_schema
+
+
+def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
+    """The service around a board. Whoever opened the board closes it, after the app has stopped.
+
+    Args:
+        blackboard: what is served.
+        settings: of the service.
+    """
+    guard = Guard(settings)
+    metrics = Metrics()
+    evaluator = Evaluator(blackboard, settings.limits)
+    registry = SubscriptionRegistry(blackboard, settings.subscriptions)
+    live = LiveRoutes(registry, guard, settings.subscriptions)
+    system = SystemRoutes(blackboard)
+    operations = [
+        *SparqlRoutes(evaluator, settings.limits).operations(),
+        *FluentRoutes(blackboard, settings.limits).operations(),
+        *TransferRoutes(blackboard, settings.limits).operations(),
+        *live.operations(),
+        *system.operations(),
+        *metrics.operations(),
+    ]
+    system.list_routes(operations)
+    metrics.gauge("commit", "The last commit that can be read.", lambda: blackboard.commit)
+    metrics.gauge("fluents", "Fluents on the board.", lambda: len(blackboard))
+    metrics.gauge("websockets", "Open WebSockets.", lambda: live.connections)
+    metrics.gauge("subscriptions", "Open subscriptions.", lambda: live.subscriptions)
+    metrics.gauge("queries_running", "Queries being evaluated.", lambda: evaluator.running)
+    metrics.counter("query_timeouts", "Queries that took too long.", lambda: evaluator.timeouts)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncGenerator[None]:
+        yield
+        await live.close()
+        registry.close()
+        evaluator.close()
+
+    app = BoardApp(operations, guard, metrics, live, lifespan=lifespan)
+    app.add_exception_handler(HTTPException, _http_problem)
+    app.add_exception_handler(Exception, _unforeseen_problem)
+    return app
+
+
+async def _http_problem(request: Request, failure: Exception) -> Response:
+    """What Starlette itself refuses: paths nobody serves, methods that FastAPI's routes lack."""
+    assert isinstance(failure, HTTPException)
+    path = request.url.path
+    if failure.status_code == 405:
+        allowed = (failure.headers or {}).get("Allow", "").split(", ")
+        return _response(method_not_allowed(request.method, path, allowed))
+    if failure.status_code == 404:
+        return _response(no_such_path(path))
+    return _response(internal_error(failure, f"{request.method} {path}"))
+
+
+async def _unforeseen_problem(request: Request, failure: Exception) -> Response:
+    return _response(internal_error(failure, f"{request.method} {request.url.path}"))
+
+
+def _response(error: FluentboardError) -> Response:
+    reply = problem_reply(error)
+    response = Response(reply.body, reply.status)
+    response.raw_headers = reply.headers
+    return response

@@ -1,0 +1,193 @@
+"""Evaluation: one query in, its serialised result out, within the limits of the service.
+
+Everything that answers SPARQL calls `Evaluator.evaluate`. It is the seam at which queries can move
+to processes of their own, which can be killed: today a query that runs over its time is abandoned,
+and stops by itself when it next produces a result, but one that produces none occupies its thread
+until it is done.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import IO, cast
+
+import pyoxigraph as ox
+
+from fluentboard.api.negotiation import Offer, negotiated
+from fluentboard.api.point_queries import is_point_query
+from fluentboard.api.results import ResultSink, Stopped
+from fluentboard.board.blackboard import Blackboard
+from fluentboard.config import LimitSettings
+from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
+
+_XML = "application/sparql-results+xml"
+_JSON = "application/sparql-results+json"
+
+SOLUTION_OFFERS = (
+    Offer(_JSON, ox.QueryResultsFormat.JSON),
+    Offer(_XML, ox.QueryResultsFormat.XML),
+    Offer("text/csv", ox.QueryResultsFormat.CSV),
+    Offer("text/tab-separated-values", ox.QueryResultsFormat.TSV),
+    # What clients ask for that do not know the proper names.
+    Offer("application/json", ox.QueryResultsFormat.JSON),
+    Offer("application/xml", ox.QueryResultsFormat.XML),
+    Offer("text/xml", ox.QueryResultsFormat.XML),
+)
+"""What the result of a SELECT or ASK can be written as, the preferred first."""
+
+GRAPH_OFFERS = (
+    Offer("text/turtle", ox.RdfFormat.TURTLE),
+    Offer("application/n-triples", ox.RdfFormat.N_TRIPLES),
+    Offer("application/ld+json", ox.RdfFormat.JSON_LD),
+    Offer("application/rdf+xml", ox.RdfFormat.RDF_XML),
+    Offer("application/trig", ox.RdfFormat.TRIG),
+    Offer("application/n-quads", ox.RdfFormat.N_QUADS),
+    Offer("text/n3", ox.RdfFormat.N3),
+    Offer("application/json", ox.RdfFormat.JSON_LD),
+    Offer("application/xml", ox.RdfFormat.RDF_XML),
+)
+"""What the result of a CONSTRUCT or DESCRIBE can be written as, the preferred first."""
+
+# A result longer than this is not one that the event loop should wait for.
+_INLINE_BYTES_MAX = 32 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A query as the SPARQL protocol has it.
+
+    Attributes:
+        text: SPARQL 1.1.
+        accept: the media types that the client takes, as in the header; None for any.
+        default_graphs: IRIs that make up the default graph; none for the board's own.
+        named_graphs: IRIs that `GRAPH` sees; none for all.
+    """
+
+    text: str
+    accept: str | None = None
+    default_graphs: Sequence[str] = ()
+    named_graphs: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A whole result.
+
+    Attributes:
+        media_type: of what is in the sink.
+        sink: holds the text.
+    """
+
+    media_type: str
+    sink: ResultSink
+
+
+class Evaluator:
+    """Evaluates queries in threads, so that none of them holds up the event loop.
+
+    Args:
+        board: what is asked.
+        limits: on time, rows and bytes.
+    """
+
+    def __init__(self, board: Blackboard, limits: LimitSettings) -> None:
+        self._board = board
+        self._limits = limits
+        self._inline_limits = limits.model_copy(
+            update={"result_max_bytes": min(_INLINE_BYTES_MAX, limits.result_max_bytes)}
+        )
+        self._threads = ThreadPoolExecutor(limits.queries_at_once, thread_name_prefix="query")
+        self._never = threading.Event()
+        self._running: set[Future[Result]] = set()
+        self.timeouts = 0
+
+    @property
+    def running(self) -> int:
+        """Queries in the threads, the abandoned ones included."""
+        return len(self._running)
+
+    async def evaluate(self, question: Question) -> Result:
+        """The result of a query.
+
+        Raises:
+            InvalidQuery: it does not parse, or cannot be evaluated.
+            NotAcceptable: the client accepts no format that fits its form.
+            QueryTimeout: it took too long.
+            TooLarge: its result is too long.
+        """
+        if is_point_query(question.text):
+            try:
+                return self._answer(question, self._inline_limits, self._never)
+            except TooLarge:
+                pass  # more than a few kilobytes after all: the usual way decides
+        stop = threading.Event()
+        future = self._threads.submit(self._answer, question, self._limits, stop)
+        self._running.add(future)
+        future.add_done_callback(self._running.discard)
+        timeout_s = self._limits.query_timeout_s
+        try:
+            return await asyncio.wait_for(asyncio.wrap_future(future), timeout_s)
+        except TimeoutError:
+            self.timeouts += 1
+            raise QueryTimeout(
+                f"the query did not finish within {timeout_s:g} s; narrow it, add LIMIT, or raise "
+                "limits.query_timeout_s",
+                timeout_s=timeout_s,
+            ) from None
+        finally:
+            stop.set()
+
+    def close(self) -> None:
+        """Lets go of the threads; queries that wait for one are dropped."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def _answer(self, question: Question, limits: LimitSettings, stop: threading.Event) -> Result:
+        # A protocol request that names any graph names the whole dataset.
+        has_dataset = bool(question.default_graphs or question.named_graphs)
+        results = self._board.query(
+            question.text,
+            default_graphs=_graphs(question.default_graphs) if has_dataset else None,
+            named_graphs=_graphs(question.named_graphs) if has_dataset else None,
+        )
+        return written(results, question.accept, limits, stop)
+
+
+def written(
+    results: ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean,
+    accept: str | None,
+    limits: LimitSettings,
+    stop: threading.Event,
+) -> Result:
+    """The results in the format that the client wants most.
+
+    Raises:
+        NotAcceptable: it wants none that fits.
+        InvalidQuery: the evaluation failed on the way.
+        TooLarge: there is more than the limits allow.
+        Stopped: nobody waits for them any more.
+    """
+    if isinstance(results, ox.QueryTriples):
+        media_type, form = negotiated(accept, GRAPH_OFFERS)
+    else:
+        media_type, form = negotiated(accept, SOLUTION_OFFERS)
+    sink = ResultSink(form, limits, stop)
+    try:
+        results.serialize(cast("IO[bytes]", sink), form)
+    except (OSError, ValueError, RuntimeError) as problem:
+        sink.close()
+        raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
+    except (TooLarge, Stopped):
+        sink.close()
+        raise
+    return Result(media_type, sink)
+
+
+def _graphs(iris: Sequence[str]) -> list[ox.NamedNode]:
+    try:
+        return [ox.NamedNode(iri) for iri in iris]
+    except ValueError as problem:
+        raise InvalidQuery(f"a graph of the dataset is no IRI: {problem}") from None

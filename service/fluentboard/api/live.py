@@ -1,0 +1,363 @@
+"""Live: subscription results over WebSocket.
+
+One connection carries any number of subscriptions. The registry's queues are bounded, so a client
+that does not read costs a fixed amount of memory and slows nobody down.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Any, cast
+
+import orjson
+
+from fluentboard.api import schemas
+from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send, json_reply
+from fluentboard.api.operations import Answer, Content, Operation
+from fluentboard.api.problems import internal_error, problem_document, problem_reply
+from fluentboard.api.security import Guard
+from fluentboard.board.subscriptions.messages import Failed, Message, Mode, Snapshot
+from fluentboard.board.subscriptions.registry import SubscriptionRegistry
+from fluentboard.board.subscriptions.subscription import Subscription
+from fluentboard.config import SubscriptionSettings
+from fluentboard.errors import FluentboardError, InvalidInput, TooManySubscriptions
+
+logger = logging.getLogger(__name__)
+
+_GOING_AWAY = 1001
+_POLICY_VIOLATION = 1008
+
+# Messages of one subscription sent before the next one has its turn.
+_TURN = 32
+# Replies to what the client says, waiting to be sent; then it is not listened to any more.
+_REPLIES_MAX = 64
+# A snapshot with more solutions than this is written down in another thread.
+_LONG_SNAPSHOT = 2_000
+_ID_MAX_CHARACTERS = 200
+_SUBSCRIBE_KEYS = frozenset({"id", "query", "mode", "since"})
+
+
+class LiveRoutes:
+    """`/subscriptions`: WebSockets, and the list of what is subscribed to.
+
+    Args:
+        registry: evaluates the queries.
+        guard: admits callers.
+        settings: limits per connection.
+    """
+
+    def __init__(
+        self, registry: SubscriptionRegistry, guard: Guard, settings: SubscriptionSettings
+    ) -> None:
+        self._registry = registry
+        self._guard = guard
+        self._settings = settings
+        self._connections: dict[Connection, None] = {}
+        self._is_closing = False
+
+    @property
+    def connections(self) -> int:
+        """WebSockets that are open."""
+        return len(self._connections)
+
+    @property
+    def subscriptions(self) -> int:
+        """Subscriptions that are open."""
+        return sum(len(connection.subscriptions) for connection in self._connections)
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
+        """Serves one WebSocket until either side closes it."""
+        call = Call(scope, receive, path)
+        await receive()
+        try:
+            call.principal = self._guard.admit(call.headers, "read", changes=True)
+        except FluentboardError as problem:
+            await _refuse(scope, send, problem_reply(problem))
+            return
+        if self._is_closing:
+            await send({"type": "websocket.close", "code": _GOING_AWAY})
+            return
+        await send({"type": "websocket.accept"})
+        connection = Connection(self._registry, self._settings, receive, send, _client(scope))
+        self._connections[connection] = None
+        try:
+            await connection.run()
+        finally:
+            del self._connections[connection]
+
+    async def close(self) -> None:
+        """Closes all WebSockets with 1001, "going away"; clients come back after a restart."""
+        self._is_closing = True
+        for connection in list(self._connections):
+            connection.close(_GOING_AWAY)
+        while self._connections:
+            await asyncio.sleep(0.01)
+
+    async def list_subscriptions(self, call: Call) -> Reply:
+        """`GET /subscriptions`."""
+        found = [
+            {
+                "id": name,
+                "client": connection.client,
+                "query": subscription.request.query,
+                "mode": subscription.request.mode,
+                "waiting": subscription.waiting,
+                "evaluation": subscription.explanation,
+            }
+            for connection in self._connections
+            for name, subscription in connection.subscriptions.items()
+        ]
+        return json_reply({"subscriptions": found})
+
+    def operations(self) -> list[Operation]:
+        """The routes, documented."""
+        return [
+            Operation(
+                "GET",
+                "/subscriptions",
+                self.list_subscriptions,
+                "listSubscriptions",
+                "List live queries",
+                "With `Upgrade: websocket` the same address opens a WebSocket, on which a client "
+                "subscribes to queries; the messages are described in the documentation of live "
+                "queries.",
+                tag="live",
+                answers={
+                    200: Answer(
+                        "What is subscribed to.",
+                        {"application/json": Content(schemas.Subscriptions)},
+                    )
+                },
+            )
+        ]
+
+
+class Connection:
+    """One WebSocket.
+
+    Args:
+        registry: evaluates the queries.
+        settings: limits.
+        receive: gives what the client sends.
+        send: takes what it is sent; waits while the client does not read.
+        client: its address.
+    """
+
+    def __init__(
+        self,
+        registry: SubscriptionRegistry,
+        settings: SubscriptionSettings,
+        receive: Receive,
+        send: Send,
+        client: str,
+    ) -> None:
+        self._registry = registry
+        self._settings = settings
+        self._receive = receive
+        self._send = send
+        self._loop = asyncio.get_running_loop()
+        self._replies: asyncio.Queue[dict[str, Any]] = asyncio.Queue(_REPLIES_MAX)
+        self._ready: dict[str, None] = {}
+        self._something = asyncio.Event()
+        self._closing: int | None = None
+        self.client = client
+        self.subscriptions: dict[str, Subscription] = {}
+
+    async def run(self) -> None:
+        """Listens and talks until the connection ends; then all its subscriptions do."""
+        listening = asyncio.create_task(self._listen())
+        talking = asyncio.create_task(self._talk())
+        try:
+            await asyncio.wait((listening, talking), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (listening, talking):
+                task.cancel()
+            ended = await asyncio.gather(listening, talking, return_exceptions=True)
+            for subscription in self.subscriptions.values():
+                subscription.close()
+            self.subscriptions.clear()
+        for failure in ended:
+            # A client that is gone while it is being sent something is the ordinary end.
+            if isinstance(failure, Exception) and not isinstance(failure, OSError):
+                internal_error(failure, f"WebSocket of {self.client}")
+
+    def close(self, code: int) -> None:
+        """Has the connection closed once what is being sent is sent."""
+        self._closing = code
+        self._something.set()
+
+    async def _listen(self) -> None:
+        while True:
+            message = await self._receive()
+            if message["type"] != "websocket.receive":
+                return
+            name: Any = None
+            try:
+                request = _request(message.get("text") or message.get("bytes") or b"")
+                name = request[1].get("id")
+                reply = await self._answer(*request)
+            except FluentboardError as problem:
+                reply = _error(name, problem)
+            if reply is not None:
+                await self._replies.put(reply)
+                self._something.set()
+
+    async def _answer(self, kind: str, body: dict[str, Any]) -> dict[str, Any] | None:
+        name = body.get("id")
+        if not isinstance(name, str) or not 1 <= len(name) <= _ID_MAX_CHARACTERS:
+            raise InvalidInput(
+                f"the id is {name!r}; give a text of 1 to {_ID_MAX_CHARACTERS} characters"
+            )
+        if kind == "unsubscribe":
+            subscription = self.subscriptions.pop(name, None)
+            if subscription is None:
+                raise InvalidInput(f"there is no subscription {name!r} on this connection")
+            self._ready.pop(name, None)
+            subscription.close()
+            return {"type": "unsubscribed", "id": name}
+        await self._subscribe(name, body)
+        return None
+
+    async def _subscribe(self, name: str, body: dict[str, Any]) -> None:
+        unknown = body.keys() - _SUBSCRIBE_KEYS
+        if unknown:
+            raise InvalidInput(
+                f"subscribe has the unknown key {min(unknown)!r}; keys are "
+                f"{', '.join(sorted(_SUBSCRIBE_KEYS))}"
+            )
+        if name in self.subscriptions:
+            raise InvalidInput(
+                f"there is a subscription {name!r} on this connection already; unsubscribe it, or "
+                "choose another id"
+            )
+        if len(self.subscriptions) >= self._settings.per_client_max:
+            raise TooManySubscriptions(
+                f"this connection has {len(self.subscriptions)} subscriptions, as many as it may; "
+                "unsubscribe some, or raise subscriptions.per_client_max",
+                limit=self._settings.per_client_max,
+            )
+        query, since = body.get("query"), body.get("since")
+        if not isinstance(query, str):
+            raise InvalidInput(f"the query is {query!r}; give SPARQL text")
+        if since is not None and (isinstance(since, bool) or not isinstance(since, int)):
+            raise InvalidInput(f"since is {since!r}; give a commit number")
+        mode = cast("Mode", body.get("mode", "bindings"))
+        # Parsing a query takes milliseconds; other clients need not wait for that.
+        opening = self._loop.run_in_executor(
+            None, self._registry.open, query, mode, since, self._marker(name)
+        )
+        try:
+            self.subscriptions[name] = await asyncio.shield(opening)
+        except asyncio.CancelledError:
+            # The client went away meanwhile, but the thread goes on and opens it.
+            opening.add_done_callback(_close_opened)
+            raise
+        self._mark(name)
+
+    def _marker(self, name: str) -> Callable[[], None]:
+        def mark() -> None:
+            try:
+                self._loop.call_soon_threadsafe(self._mark, name)
+            except RuntimeError:
+                # The loop is closed: the service stops, and nobody is left to be told.
+                return
+
+        return mark
+
+    def _mark(self, name: str) -> None:
+        self._ready[name] = None
+        self._something.set()
+
+    async def _talk(self) -> None:
+        while True:
+            await self._something.wait()
+            self._something.clear()
+            while self._ready or not self._replies.empty():
+                while not self._replies.empty():
+                    await self._say(self._replies.get_nowait())
+                if self._closing is not None:
+                    break
+                await self._send_turn()
+            if self._closing is not None:
+                await self._send({"type": "websocket.close", "code": self._closing})
+                return
+
+    async def _send_turn(self) -> None:
+        """Sends what waits of the subscription that has waited longest."""
+        if not self._ready:
+            return
+        name = next(iter(self._ready))
+        del self._ready[name]
+        subscription = self.subscriptions.get(name)
+        if subscription is None:
+            return
+        for message in subscription.poll(_TURN):
+            if isinstance(message, Failed):
+                self.subscriptions.pop(name, None)
+                subscription.close()
+                await self._say(_error(name, message.problem))
+                return
+            await self._send({"type": "websocket.send", "text": await _text(message, name)})
+        if subscription.waiting:
+            self._ready[name] = None
+
+    async def _say(self, message: dict[str, Any]) -> None:
+        text = orjson.dumps(message, default=str).decode()
+        await self._send({"type": "websocket.send", "text": text})
+
+
+async def _text(message: Message, name: str) -> str:
+    if isinstance(message, Snapshot) and len(message.answer.bag) > _LONG_SNAPSHOT:
+        return await asyncio.to_thread(_json_text, message, name)
+    return _json_text(message, name)
+
+
+def _json_text(message: Message, name: str) -> str:
+    return orjson.dumps(message.to_json(name)).decode()
+
+
+def _request(text: str | bytes) -> tuple[str, dict[str, Any]]:
+    """Kind and body of what a client says: `{"subscribe": {...}}` or `{"unsubscribe": {...}}`."""
+    try:
+        message: Any = orjson.loads(text)
+    except orjson.JSONDecodeError as problem:
+        raise InvalidInput(f"the message is not JSON: {problem}") from None
+    if isinstance(message, dict) and len(cast("dict[Any, Any]", message)) == 1:
+        (kind, body) = next(iter(cast("dict[str, Any]", message).items()))
+        if kind in ("subscribe", "unsubscribe") and isinstance(body, dict):
+            return kind, cast("dict[str, Any]", body)
+    raise InvalidInput(
+        'the message is neither {"subscribe": {"id": ..., "query": ...}} nor '
+        '{"unsubscribe": {"id": ...}}'
+    )
+
+
+def _error(name: Any, problem: FluentboardError) -> dict[str, Any]:
+    message: dict[str, Any] = {"type": "error", "problem": problem_document(problem)}
+    return {**message, "id": name} if isinstance(name, str) else message
+
+
+def _close_opened(opening: asyncio.Future[Subscription]) -> None:
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()
+
+
+def _client(scope: Scope) -> str:
+    host, port = scope.get("client") or ("unknown", 0)
+    return f"{host}:{port}"
+
+
+async def _refuse(scope: Scope, send: Send, reply: Reply) -> None:
+    """Answers the handshake with a problem, where the server can, else with a close."""
+    if "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": _POLICY_VIOLATION})
+        return
+    start = {
+        "type": "websocket.http.response.start",
+        "status": reply.status,
+        "headers": reply.headers,
+    }
+    await send(start)
+    await send({"type": "websocket.http.response.body", "body": reply.body})

@@ -1,0 +1,159 @@
+"""Results: where the serialised answer of a query goes, within its limits."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from collections.abc import AsyncIterator
+from typing import IO
+
+from pyoxigraph import QueryResultsFormat, RdfFormat
+
+from fluentboard.config import LimitSettings
+from fluentboard.errors import StorageFailed, TooLarge
+
+_CHUNK_BYTES = 256 * 1024
+
+
+class Stopped(Exception):
+    """Nobody waits for the result any more."""
+
+
+class RowCounter:
+    """Counts the rows in a serialised result while it is written.
+
+    Counting the text costs a fraction of looking at every solution in Python. The marks cannot
+    occur inside a value: each has a character that the format escapes there.
+
+    Args:
+        form: format of the result.
+    """
+
+    def __init__(self, form: QueryResultsFormat | RdfFormat) -> None:
+        # In a graph nothing marks a triple; its length is limited in bytes.
+        self._mark, self.rows = _MARKS.get(form, (b"", 0))
+        self._is_csv = form == QueryResultsFormat.CSV
+        self._tail = b""
+        self._quoted = False
+
+    def add(self, text: bytes) -> None:
+        """Takes the next piece of the result into account."""
+        if self._is_csv:
+            # Line breaks inside quotes belong to a value; quotes in a value are doubled.
+            for position, part in enumerate(text.split(b'"')):
+                if position:
+                    self._quoted = not self._quoted
+                if not self._quoted:
+                    self.rows += part.count(b"\n")
+            return
+        if not self._mark:
+            return
+        self.rows += (self._tail + text).count(self._mark)
+        kept = len(self._mark) - 1
+        self._tail = (self._tail + text)[-kept:] if kept else b""
+
+
+# What stands between or before rows, and how many rows there are before the first mark.
+_MARKS: dict[QueryResultsFormat | RdfFormat, tuple[bytes, int]] = {
+    QueryResultsFormat.JSON: (b'}},{"', 1),
+    QueryResultsFormat.XML: (b"<result>", 0),
+    QueryResultsFormat.TSV: (b"\n", -1),
+    QueryResultsFormat.CSV: (b"\n", -1),
+}
+
+
+class ResultSink:
+    """A file for Oxigraph to write a result to: memory first, a temporary file when it grows.
+
+    Oxigraph writes in pieces of 8 KB. Each is a chance to stop: when the result is too long, or
+    when nobody waits for it any more.
+
+    Args:
+        form: format of the result.
+        limits: how long it may be, and how much of it is kept in memory.
+        stop: once set, nobody waits for the result any more.
+    """
+
+    def __init__(
+        self,
+        form: QueryResultsFormat | RdfFormat,
+        limits: LimitSettings,
+        stop: threading.Event,
+    ) -> None:
+        self._counter = RowCounter(form)
+        self._limits = limits
+        self._stop = stop
+        self._parts: list[bytes] = []
+        self._file: IO[bytes] | None = None
+        self.size = 0
+
+    def write(self, data: bytes) -> int:
+        """Takes the next piece.
+
+        Raises:
+            TooLarge: the result has too many rows or bytes.
+            Stopped: nobody waits for it.
+        """
+        if self._stop.is_set():
+            raise Stopped
+        self._counter.add(data)
+        self.size += len(data)
+        self._check_length()
+        self._parts.append(data)
+        if self._file is not None or self.size > self._limits.result_memory_max_bytes:
+            self._spill()
+        return len(data)
+
+    def _spill(self) -> None:
+        try:
+            if self._file is None:
+                # Closed by `close`, or when its last chunk is sent.
+                self._file = tempfile.TemporaryFile(prefix="fluentboard-result-")  # noqa: SIM115
+            self._file.writelines(self._parts)
+        except OSError as problem:
+            raise StorageFailed(
+                f"a long result needs a temporary file, which cannot be written: {problem}"
+            ) from None
+        self._parts = []
+
+    def _check_length(self) -> None:
+        rows_max, bytes_max = self._limits.result_rows_max, self._limits.result_max_bytes
+        if self._counter.rows > rows_max:
+            raise TooLarge(
+                f"the result has more than {rows_max:,} rows; ask for less with LIMIT, or raise "
+                "limits.result_rows_max",
+                limit_rows=rows_max,
+            )
+        if self.size > bytes_max:
+            raise TooLarge(
+                f"the result is longer than {bytes_max:,} bytes; ask for less with LIMIT, or raise "
+                "limits.result_max_bytes",
+                limit_bytes=bytes_max,
+            )
+
+    def flush(self) -> None:
+        """Nothing waits to be written."""
+
+    def close(self) -> None:
+        """Lets go of the temporary file."""
+        if self._file is not None:
+            self._file.close()
+
+    @property
+    def text(self) -> bytes | None:
+        """The whole result, or None if it is in a file."""
+        if self._file is not None:
+            return None
+        return self._parts[0] if len(self._parts) == 1 else b"".join(self._parts)
+
+    async def chunks(self) -> AsyncIterator[bytes]:
+        """The pieces of a result that is in a file; closes the file at the end."""
+        file = self._file
+        assert file is not None, "a result in memory is read by `text`"
+        file.seek(0)
+        try:
+            # Fresh in the page cache: reading it here costs less than another thread would.
+            while chunk := file.read(_CHUNK_BYTES):
+                yield chunk
+        finally:
+            file.close()
