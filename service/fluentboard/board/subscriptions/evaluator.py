@@ -21,7 +21,6 @@ from fluentboard.board.subscriptions.router import Router
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.standing import Names, StandingQuery, net
 from fluentboard.board.subscriptions.subscription import Subscription
-from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.errors import FluentboardError
 
 logger = logging.getLogger(__name__)
@@ -33,21 +32,24 @@ class Evaluator:
     Args:
         board: evaluates queries.
         settings: bounds.
-        arrive: returns when commits up to the given one have been given to `route`.
+        arrive: waits until commits up to the given one have been given to `route`; False if that
+            takes unreasonably long.
 
     Attributes:
         routed: the last commit that was routed.
     """
 
     def __init__(
-        self, board: Board, settings: SubscriptionSettings, arrive: Callable[[int], None]
+        self, board: Board, settings: SubscriptionSettings, arrive: Callable[[int], bool]
     ) -> None:
         self._board = board
         self._settings = settings
         self._arrive = arrive
         self._router = Router()
         self._stale: dict[StandingQuery, None] = {}
+        self._vocabulary = board.vocabulary
         self.routed = 0
+        self._ontology_routed = 0
 
     def __len__(self) -> int:
         return len(self._router)
@@ -57,11 +59,13 @@ class Evaluator:
         """Some standing query is to be evaluated again."""
         return bool(self._stale)
 
-    def route(self, commit: Commit, vocabulary: Vocabulary) -> None:
+    def route(self, commit: Commit) -> None:
         """Takes note of a commit: incremental queries change now, others become stale."""
         if commit.number <= self.routed:
             return
-        change = CommitChange(commit, vocabulary)
+        if any(change.ontology for change in commit.statements):
+            self._vocabulary = self._board.vocabulary
+        change = CommitChange(commit, self._vocabulary)
         concerned = self._router.concerned(change)
         for standing in concerned.touched:
             self._stale[standing] = None
@@ -74,6 +78,8 @@ class Evaluator:
             else:
                 self._step(standing, change, concerned.candidates.get(standing, []))
         self.routed = commit.number
+        if commit.statements:
+            self._ontology_routed = commit.number
 
     def reevaluate_next(self) -> None:
         """Evaluates the query that has been stale for longest; does nothing if there is none."""
@@ -87,12 +93,15 @@ class Evaluator:
         since = request.since
         standing = self._router.find(query.text)
         if standing is None:
-            standing = StandingQuery(query, plan(query, self._board.vocabulary), self._settings)
+            if not len(self._router):
+                # Nothing was routed while there was no query.
+                self._vocabulary = self._board.vocabulary
+            standing = StandingQuery(query, plan(query, self._vocabulary), self._settings)
             if not self._start(standing, subscription):
                 return
         if since is not None and since > standing.exact_at(self.routed):
             self._arrive(min(since, self._board.commit))
-            while standing in self._stale:
+            while standing in self._stale and standing.exact_at(self.routed) < since:
                 self._reevaluate(standing)
         if request.mode != "bindings" and not standing.tells_events:
             names = standing.tell_events(standing.exact_at(self.routed))
@@ -144,15 +153,15 @@ class Evaluator:
 
     def _start(self, standing: StandingQuery, subscription: Subscription) -> bool:
         # Routed to from now on, and stale: no commit after the evaluation can be overlooked.
+        is_only = not len(self._router)
         self._router.add(standing)
         self._stale[standing] = None
         try:
-            commit, bag = self._evaluate(standing)
+            commit, bag = self._evaluate(standing, is_only=is_only)
         except FluentboardError as problem:
             self._forget(standing)
             subscription.put(Failed(problem))
             return False
-        self._arrive(commit)
         standing.start(commit, bag)
         self._resume(standing, commit)
         return True
@@ -164,7 +173,6 @@ class Evaluator:
             logger.warning("a standing query failed and is given up: %s", problem)
             self._fail(standing, problem)
             return
-        self._arrive(commit)
         covered = [change for change in standing.pending if change.number <= commit]
         if covered:
             if any(change.touches_everything for change in covered):
@@ -172,9 +180,24 @@ class Evaluator:
             self._tell(standing, *standing.replace(covered, bag))
         self._resume(standing, commit)
 
-    def _evaluate(self, standing: StandingQuery) -> tuple[int, Bag]:
+    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Bag]:
+        """The present result and its commit, with all commits up to that one routed."""
         try:
-            return evaluate(self._board, standing.query)
+            while True:
+                routed = self.routed
+                commit, bag = evaluate(self._board, standing.query)
+                if is_only:
+                    # No query needs the commits before.
+                    self.routed = max(self.routed, commit)
+                if not self._arrive(commit):
+                    raise FluentboardError(
+                        f"the board does not tell of commit {commit} though queries see it; look "
+                        "for errors in its log, then subscribe again"
+                    )
+                # An ontology is applied in several steps, which a query may fall between. All of
+                # them are done when the commit is told of, so then it is asked again.
+                if self._ontology_routed <= routed:
+                    return commit, bag
         except FluentboardError:
             raise
         except Exception as problem:
@@ -231,7 +254,7 @@ class Evaluator:
 
     def _plan_anew(self, standing: StandingQuery) -> None:
         self._router.remove(standing)
-        standing.plan = plan(standing.query, self._board.vocabulary)
+        standing.plan = plan(standing.query, self._vocabulary)
         self._router.add(standing)
 
     def _fail(self, standing: StandingQuery, problem: FluentboardError) -> None:

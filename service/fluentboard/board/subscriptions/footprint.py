@@ -111,12 +111,15 @@ def _triples_shapes(part: Any) -> Iterator[Shape]:
     triples = triples_of(part)
     for here, (subject, predicate, target) in enumerate(triples):
         if isinstance(predicate, Path) and _is_nullable(predicate):
-            ends = [subject, target]
-            if not any(_is_constant(end) for end in ends):
-                others = triples[:here] + triples[here + 1 :]
-                if not any(_is_anchored(end, others) for end in ends):
-                    # A path of length zero relates every term of the graph to itself.
-                    raise _Unbounded("a path that may have length zero has two open ends")
+            # A path of length zero relates every term of the graph to itself. Oxigraph asks that a
+            # constant, too, occurs in the graph.
+            constants = [end for end in (subject, target) if _is_constant(end)]
+            for end in constants:
+                yield _text(end), None, None
+                yield None, None, _text(end)
+            others = triples[:here] + triples[here + 1 :]
+            if not constants and not any(_is_anchored(end, others) for end in (subject, target)):
+                raise _Unbounded("a path that may have length zero has two open ends")
         yield from _path_shapes(subject, predicate, target)
 
 

@@ -7,7 +7,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from fluentboard.board.events import Commit
 from fluentboard.board.subscriptions.evaluator import Evaluator
@@ -17,21 +16,12 @@ from fluentboard.board.subscriptions.query import ParsedQuery, parse
 from fluentboard.board.subscriptions.reevaluate import Board
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
-from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.errors import InvalidInput
 
 logger = logging.getLogger(__name__)
 
 _ARRIVAL_TIMEOUT_S = 5.0
 _PARSED_MAX = 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Commits of one group, with the vocabulary they were applied with."""
-
-    commits: Sequence[Commit]
-    vocabulary: Vocabulary
 
 
 class SubscriptionRegistry:
@@ -64,14 +54,13 @@ class SubscriptionRegistry:
         self._parsed: dict[str, ParsedQuery] = {}
         self._subscriptions: dict[Subscription, None] = {}
         self._state = threading.Condition()
-        self._groups: deque[_Group] = deque()
+        self._groups: deque[Sequence[Commit]] = deque()
         self._tasks: deque[Callable[[], None]] = deque()
         self._is_listening = False
         self._delivered = 0
         self._busy = False
         self._closed = False
         self._stop_listening = board.listen(self._on_commits)
-        self._delivered = max(self._delivered, board.commit)
         self._thread = threading.Thread(
             target=self._run, name="fluentboard-subscriptions", daemon=True
         )
@@ -116,7 +105,6 @@ class SubscriptionRegistry:
             if not self._is_listening:
                 # From here on commits are kept, so none after the first evaluation is missed.
                 self._is_listening = True
-                self._evaluator.routed = max(self._evaluator.routed, self._delivered)
             self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
             self._state.notify_all()
         return subscription
@@ -143,7 +131,7 @@ class SubscriptionRegistry:
         """
         with self._state:
             return self._state.wait_for(
-                lambda: self._closed or (self._is_settled() and self._delivered >= commit),
+                lambda: self._closed or self._is_settled(commit),
                 timeout_s,
             )
 
@@ -170,11 +158,11 @@ class SubscriptionRegistry:
         return parsed
 
     def _on_commits(self, commits: Sequence[Commit]) -> None:
-        """Called by the writer's thread."""
+        """Called by a thread of the board, which must not wait."""
         with self._state:
             self._delivered = commits[-1].number
             if self._is_listening:
-                self._groups.append(_Group(commits, self._board.vocabulary))
+                self._groups.append(commits)
             self._state.notify_all()
 
     def _on_drained(self, subscription: Subscription) -> None:
@@ -188,8 +176,10 @@ class SubscriptionRegistry:
             self._tasks.append(lambda: self._evaluator.close(subscription, time.monotonic()))
             self._state.notify_all()
 
-    def _is_settled(self) -> bool:
-        return not (self._groups or self._tasks or self._busy)
+    def _is_settled(self, commit: int) -> bool:
+        if self._groups or self._tasks or self._busy:
+            return False
+        return not self._is_listening or max(self._delivered, self._evaluator.routed) >= commit
 
     def _run(self) -> None:
         """The evaluator's thread."""
@@ -243,28 +233,22 @@ class SubscriptionRegistry:
                 group = self._groups.popleft() if self._groups else None
             if group is None:
                 return
-            for commit in group.commits:
-                self._evaluator.route(commit, group.vocabulary)
+            for commit in group:
+                self._evaluator.route(commit)
 
-    def _arrive(self, commit: int) -> None:
-        """Routes commits until the given one has been routed.
+    def _arrive(self, commit: int) -> bool:
+        """Routes commits until the given one has been routed; False if it does not come.
 
-        A query may see a group of commits a moment before the writer has told of it.
+        A query may see a group of commits a moment before the board has told of it.
         """
-        self._route_arrived()
-        if self._evaluator.routed >= commit:
-            return
         deadline_s = time.monotonic() + _ARRIVAL_TIMEOUT_S
-        while self._evaluator.routed < commit and time.monotonic() < deadline_s:
-            with self._state:
-                if self._closed:
-                    return
-                self._state.wait_for(
-                    lambda: self._closed or bool(self._groups),
-                    max(0.0, deadline_s - time.monotonic()),
-                )
+        while True:
             self._route_arrived()
-        if self._evaluator.routed < commit:
-            logger.warning("commits up to %s were not told of; reading the journal", commit)
-            for missed in list(self._board.commits(self._evaluator.routed, commit)):
-                self._evaluator.route(missed, self._board.vocabulary)
+            if self._evaluator.routed >= commit:
+                return True
+            with self._state:
+                left_s = deadline_s - time.monotonic()
+                if not self._state.wait_for(lambda: self._closed or self._groups, max(0.0, left_s)):
+                    return False
+                if self._closed:
+                    return False

@@ -34,12 +34,12 @@ class SubscriptionSettings(BaseModel):
         description="seconds a standing query lives on after its last subscriber",
     )
     replay_commits: int = Field(
-        2_000,
+        default=2_000,
         ge=0,
         description="journal commits read at most to resume a query that does not live any more",
     )
     reevaluation_share: float = Field(
-        0.5,
+        default=0.5,
         gt=0.0,
         le=1.0,
         description="share of the time that full re-evaluations may take; writers need the rest",

@@ -1,0 +1,274 @@
+"""The law of subscriptions: snapshot plus deltas equals a fresh evaluation at every commit."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.commands import (
+    AssertFluent,
+    Command,
+    CorrectFluent,
+    EndFluent,
+    RefineFluent,
+)
+from fluentboard.board.events import Commit
+from fluentboard.board.subscriptions.messages import Delta, Message, Resumed, Snapshot
+from fluentboard.board.subscriptions.query import parse
+from fluentboard.board.subscriptions.registry import SubscriptionRegistry
+from fluentboard.board.subscriptions.results import Bag, apply, bag_of
+from fluentboard.board.subscriptions.settings import SubscriptionSettings
+from fluentboard.errors import FluentboardError
+from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.interval import UNKNOWN, Interval
+
+FLOOR_AREAS = """
+SELECT DISTINCT ?area WHERE
+{
+  ?area rdf:type ?type .
+  ?type rdfs:subClassOf* upper:Area .
+  ?area upper:hasBoundingBox ?bbox .
+  ?bbox upper:hasPose ?pose .
+  ?pose upper:hasZ "0.0"^^xsd:float .
+}"""
+ANCHORING_OBJECTS = """
+SELECT DISTINCT ?instance WHERE
+{
+  ?instance upper:hasBoundingBox ?any .
+  ?instance a ?subclass .
+  {
+    {?subclass rdfs:subClassOf+ race:Kitchenware}
+    UNION {?subclass rdfs:subClassOf+ race:PersonalItem}
+  }
+}"""
+
+QUERIES = {
+    "thesis, floor areas": FLOOR_AREAS,
+    "thesis, anchoring objects": ANCHORING_OBJECTS,
+    "one class": "SELECT ?x { ?x a race:Mug }",
+    "star": "SELECT ?x ?t { ?x a race:Mug ; upper:onTop ?t ; upper:weight ?w }",
+    "star on a constant": "SELECT ?x { ?x a race:Mug ; upper:onTop fluent:Table0 }",
+    "star without its subject": "SELECT ?t { ?x a race:Mug ; upper:onTop ?t }",
+    "star, distinct": "SELECT DISTINCT ?x { ?x upper:onTop ?t ; upper:label ?l }",
+    "star, distinct, without its subject": "SELECT DISTINCT ?t { ?x upper:onTop ?t }",
+    "one value for two": "SELECT ?x { ?x upper:onTop ?same ; upper:near ?same }",
+    "number by value": 'SELECT ?x { ?x upper:weight "1.0"^^xsd:float ; upper:label "b" }',
+    "constant subject": "SELECT ?p ?o { fluent:Mug0 ?p ?o }",
+    "constant subject, named properties": "SELECT ?t { fluent:Mug0 upper:onTop ?t ; a ?c }",
+    "anything about": "SELECT ?x ?p { ?x ?p fluent:Table1 }",
+    "everything": "SELECT ?p (COUNT(*) AS ?n) { ?s ?p ?o } GROUP BY ?p",
+    "class closure by path": "SELECT ?x { ?x rdf:type/rdfs:subClassOf* race:Tableware }",
+    "class closure, subject property": (
+        "SELECT ?x ?c { ?x a ?c ; upper:onTop ?t . ?c rdfs:subClassOf+ upper:PhysicalEntity }"
+    ),
+    "filter": "SELECT ?x ?w { ?x upper:weight ?w FILTER(?w > 0.5) }",
+    "filter on text": 'SELECT ?x { ?x upper:label ?l FILTER(STRSTARTS(?l, "b")) }',
+    "open fluents": """SELECT ?x { ?x a race:Mug ; upper:hasFinishLatest ?f
+        FILTER(?f = "INF"^^xsd:double) }""",
+    "time": "SELECT ?x ?f { ?x upper:hasFinishEarliest ?f FILTER(?f < 50) }",
+    "optional": "SELECT ?x ?t { ?x a race:Mug OPTIONAL { ?x upper:onTop ?t } }",
+    "optional of another": (
+        "SELECT ?x ?l { ?x upper:onTop ?t OPTIONAL { ?t upper:label ?l FILTER(?l != 'c') } }"
+    ),
+    "optional first": "SELECT ?x ?l { OPTIONAL { ?x a race:Plate } ?x upper:label ?l }",
+    "not exists": "SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { ?x upper:onTop ?t } }",
+    "exists of another": """SELECT ?t { ?t a furniture:Table
+        FILTER EXISTS { ?x upper:onTop ?t } }""",
+    "not exists in not exists": """SELECT ?x { ?x a race:Mug FILTER NOT EXISTS {
+        ?x upper:onTop ?t FILTER NOT EXISTS { ?t upper:label "a" } } }""",
+    "minus": "SELECT ?x { ?x upper:onTop ?t MINUS { ?x upper:weight ?w } }",
+    "minus of another": "SELECT ?x ?t { ?x upper:onTop ?t MINUS { ?t upper:label 'a' } }",
+    "count": "SELECT (COUNT(?x) AS ?n) { ?x a race:Mug }",
+    "group": "SELECT ?t (SUM(?w) AS ?s) { ?x upper:onTop ?t ; upper:weight ?w } GROUP BY ?t",
+    "having": """SELECT ?t (COUNT(DISTINCT ?x) AS ?n) { ?x upper:onTop ?t } GROUP BY ?t
+        HAVING (COUNT(DISTINCT ?x) > 1)""",
+    "path +": "SELECT ?x ?y { ?x upper:near+ ?y }",
+    "path *": "SELECT ?y { fluent:Mug0 upper:near* ?y }",
+    "path * with open ends": "SELECT (COUNT(*) AS ?n) { ?x upper:near* ?y }",
+    "path /^": "SELECT ?x ?y { ?x upper:onTop/^upper:onTop ?y }",
+    "path |": "SELECT ?x ?y { ?x (upper:near|upper:onTop) ?y }",
+    "path !": "SELECT ?x ?y { ?x !(upper:near|rdf:type|^upper:onTop) ?y }",
+    "sub-select": """SELECT ?x ?n { ?x upper:onTop ?t
+        { SELECT ?t (COUNT(*) AS ?n) { ?y upper:onTop ?t } GROUP BY ?t } }""",
+    "limit": "SELECT ?x ?w { ?x upper:weight ?w } ORDER BY DESC(?w) ?x LIMIT 2",
+    "offset": "SELECT ?x { ?x a race:Mug } ORDER BY ?x OFFSET 1",
+    "limit in a sub-select": """SELECT ?x ?l { ?x upper:label ?l
+        { SELECT ?x { ?x a race:Mug } ORDER BY ?x LIMIT 1 } }""",
+    "order": "SELECT ?x ?l { ?x upper:label ?l } ORDER BY ?l",
+    "union": "SELECT ?x { { ?x a race:Mug } UNION { ?x upper:label 'b' } }",
+    "union of joins": """SELECT ?x ?y { { ?x upper:near ?y . ?y upper:onTop ?t }
+        UNION { ?x upper:onTop ?y . ?y upper:label ?l } }""",
+    "values": "SELECT ?x ?l { ?x upper:label ?l VALUES ?x { fluent:Mug0 fluent:Plate1 } }",
+    "values after": "SELECT * { ?x upper:onTop ?t } VALUES (?x ?t) { (UNDEF fluent:Table0) }",
+    "bind": "SELECT ?x ?d { ?x upper:weight ?w BIND(?w * 2 AS ?d) }",
+    "if and coalesce": """SELECT ?x (COALESCE(?l, "none") AS ?label) (IF(?w > 1, 1, 0) AS ?heavy)
+        { ?x a race:Mug ; upper:weight ?w OPTIONAL { ?x upper:label ?l } }""",
+    "exists in the projection": "SELECT ?x (EXISTS { ?x upper:near ?y } AS ?e) { ?x a race:Mug }",
+    "graph": "SELECT ?g ?x { GRAPH ?g { ?x ?p ?o } }",
+    "graph and default": "SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { GRAPH ?g { ?x ?p ?o } } }",
+    "join": "SELECT ?x ?l { ?x a race:Mug ; upper:onTop ?t . ?t upper:label ?l }",
+    "join over times": """SELECT ?x ?t { ?x upper:onTop ?t . ?t upper:hasFinishLatest ?f
+        FILTER(?f > 20) }""",
+    "join with itself": "SELECT ?x ?y { ?x upper:onTop ?t . ?y upper:onTop ?t FILTER(?x != ?y) }",
+    "join, not projected": "SELECT ?l { ?x upper:near ?y . ?y upper:label ?l }",
+    "join, distinct": "SELECT DISTINCT ?l { ?x upper:near ?y . ?y upper:label ?l }",
+    "cross product": "SELECT ?x ?y { ?x a race:Mug . ?y a race:Plate }",
+    "ontology": "SELECT ?c ?d { ?c rdfs:subClassOf ?d . ?d rdfs:subClassOf upper:Area }",
+    "ask": "ASK { ?x a race:Mug ; upper:onTop fluent:Table0 }",
+    "ask not": "ASK { FILTER NOT EXISTS { ?x upper:near ?y } }",
+    "construct": "CONSTRUCT { ?t upper:carries ?x } WHERE { ?x upper:onTop ?t }",
+    "construct where": "CONSTRUCT WHERE { ?x a race:Mug ; upper:label ?l }",
+    "construct with blank nodes": """CONSTRUCT { ?x upper:at [ upper:place ?t ; upper:of ?x ] }
+        WHERE { ?x upper:onTop ?t }""",
+    "blank nodes made": "SELECT ?x (BNODE() AS ?b) { ?x a race:Mug }",
+    "unread by the analyser": "SELECT ?x { ?x a race:Mug LATERAL { ?x upper:onTop ?t } }",
+}
+
+ONTOLOGIES = (
+    """@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
+       @prefix owl: <http://www.w3.org/2002/07/owl#> .
+       @prefix race: <https://w3id.org/fluentboard/race#> .
+       race:Goblet a owl:Class ; rdfs:subClassOf race:Mug .""",
+    """@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
+       @prefix owl: <http://www.w3.org/2002/07/owl#> .
+       @prefix race: <https://w3id.org/fluentboard/race#> .
+       @prefix upper: <https://w3id.org/fluentboard/upper#> .
+       @prefix furniture: <https://w3id.org/fluentboard/furniture#> .
+       race:Goblet a owl:Class ; rdfs:subClassOf race:Tableware .
+       furniture:Table rdfs:subClassOf upper:Area .""",
+)
+
+CLASSES = ("Mug", "Plate", "Table", "FloorArea", "BoundingBox", "Pose")
+_number = st.integers(0, 1)
+_name = st.builds(lambda kind, number: f"{kind}{number}", st.sampled_from(CLASSES), _number)
+_reference = st.builds(
+    lambda name, target: Property(name, target.rstrip("01"), target),
+    st.sampled_from(["onTop", "near", "hasBoundingBox", "hasPose"]),
+    _name,
+)
+_literal = st.one_of(
+    st.builds(lambda text: Property("label", "xsd:string", text), st.sampled_from("abc")),
+    st.builds(
+        lambda kind, weight: Property("weight", kind, weight),
+        st.sampled_from(["xsd:float", "xsd:integer"]),
+        st.integers(0, 2),
+    ),
+    st.builds(lambda z: Property("hasZ", "xsd:float", z), st.sampled_from([0.0, 1.5])),
+)
+_properties = st.lists(_reference | _literal, max_size=4).map(tuple)
+_times = st.sampled_from([10.0, 30.0, 70.0])
+_finish = st.one_of(st.just(UNKNOWN), st.builds(lambda t: Interval(t, t + 5.0), _times))
+_fluent = st.builds(
+    lambda name, finish, properties: Fluent(
+        name, name.rstrip("01"), Interval(1.0, 2.0), finish, properties
+    ),
+    _name,
+    _finish,
+    _properties,
+)
+_command = st.one_of(
+    st.builds(AssertFluent, _fluent, merge=st.just(True)),
+    st.builds(RefineFluent, _name, properties=_properties),
+    st.builds(EndFluent, _name, st.builds(lambda t: Interval(t, t), _times)),
+    st.builds(CorrectFluent, _fluent, st.just("measured again")),
+)
+Step = tuple[list[Command] | int, bool]
+_step: st.SearchStrategy[Step] = st.tuples(
+    st.one_of(st.lists(_command, min_size=1, max_size=4), st.integers(0, 1)), st.booleans()
+)
+
+
+class Witness:
+    """A board, and what every query answered at every commit."""
+
+    def __init__(self, folder: Path) -> None:
+        self.board = Blackboard.open(None)
+        self._told = threading.Condition()
+        self._last = 0
+        self.board.listen(self._on_commits)
+        self._file = folder / "extra.ttl"
+        self.truth: dict[str, dict[int, Bag]] = {name: {} for name in QUERIES}
+        self.perform([AssertFluent(Fluent("Pose9", "Pose"))])
+
+    def perform(self, step: list[Command] | int) -> None:
+        """Carries out a step, and notes the answers; a refused batch changes nothing."""
+        if isinstance(step, int):
+            self._file.write_text(ONTOLOGIES[step], encoding="utf-8")
+            self.board.load_ontologies([self._file])
+        else:
+            with contextlib.suppress(FluentboardError):
+                self.board.execute(step, "test")
+        self.note()
+
+    def _on_commits(self, commits: Sequence[Commit]) -> None:
+        with self._told:
+            self._last = commits[-1].number
+            self._told.notify_all()
+
+    def note(self) -> None:
+        with self._told:
+            assert self._told.wait_for(lambda: self._last >= self.board.commit, 20.0)
+        for name, text in QUERIES.items():
+            fresh = bag_of(self.board.query(text), relabel=PARSED[name].makes_blank_nodes)
+            self.truth[name][self.board.commit] = fresh
+
+
+PARSED = {name: parse(text) for name, text in QUERIES.items()}
+
+
+def follow(messages: list[Message], truth: dict[int, Bag], state: Bag | None = None) -> Bag:
+    """The result that the messages lead to; every step of it is compared with the truth."""
+    for message in messages:
+        if isinstance(message, Snapshot):
+            state = dict(message.answer.bag)
+        elif isinstance(message, Delta):
+            assert state is not None
+            assert state == truth[message.since]
+            assert apply(state, message.change.difference)
+        else:
+            assert isinstance(message, Resumed)
+        assert state == truth[message.commit]
+    assert state is not None
+    return state
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("ontologies")
+
+
+@contextlib.contextmanager
+def witnessed(folder: Path) -> Iterator[tuple[Witness, SubscriptionRegistry]]:
+    witness = Witness(folder)
+    registry = SubscriptionRegistry(witness.board, SubscriptionSettings(reevaluation_share=1.0))
+    try:
+        yield witness, registry
+    finally:
+        registry.close()
+        witness.board.close()
+
+
+@settings(max_examples=25, phases=(Phase.explicit, Phase.generate))
+@given(before=st.lists(_step, max_size=3), after=st.lists(_step, min_size=1, max_size=8))
+def test_snapshot_and_deltas_lead_to_the_fresh_result(
+    folder: Path, before: list[Step], after: list[Step]
+) -> None:
+    with witnessed(folder) as (witness, registry):
+        for step, _ in before:
+            witness.perform(step)
+        opened = {name: registry.open(text, "both") for name, text in QUERIES.items()}
+        for step, waits in after:
+            witness.perform(step)
+            if waits:
+                assert registry.wait_until(witness.board.commit, 20.0)
+        assert registry.wait_until(witness.board.commit, 20.0)
+        for name, subscription in opened.items():
+            truth = witness.truth[name]
+            assert follow(subscription.poll(), truth) == truth[witness.board.commit], name
