@@ -264,9 +264,7 @@ class Client:
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
-    def query_document(
-        self, sparql: str, media_types: str, *, at: Time | None = None
-    ) -> bytes:
+    def query_document(self, sparql: str, media_types: str, *, at: Time | None = None) -> bytes:
         """The result of a SPARQL query as the board writes it.
 
         Args:

@@ -173,9 +173,11 @@ class Subscription(Iterator[Event]):
         from websockets.sync import client
 
         if self._connection is None:
-            connection = cast(
+            connected = cast(
                 "ClientConnection", client.connect(live_address(self._address), **self._options)
             )
+            # Entered and never left, because another thread may be the one that closes it.
+            connection = connected.__enter__()
             with self._lock:
                 if not self._closed.is_set():
                     self._connection = connection

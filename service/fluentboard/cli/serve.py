@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
-import signal
-import socket
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from fluentboard import __version__
-from fluentboard.errors import InvalidConfiguration, MissingExtra
+from fluentboard.errors import MissingExtra
 
 if TYPE_CHECKING:
     from fluentboard.config import Settings
@@ -58,6 +55,14 @@ def serve(
             "--allow-open", help="Listen without tokens where other machines can reach the board."
         ),
     ] = False,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SECRET",
+            envvar="FLUENTBOARD_TOKEN",
+            help="Ask everybody for this bearer token, of at least 16 characters.",
+        ),
+    ] = None,
     config: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Settings as YAML; flags override them.")
     ] = None,
@@ -84,6 +89,8 @@ def serve(
             "storage.ontologies": ontology or None,
             "storage.durability": durability,
             "security.allow_open": allow_open or None,
+            # More than one token, and roles, take a settings file.
+            "security.tokens": [_operator(token)] if token else None,
         },
     )
     if in_memory:
@@ -95,82 +102,29 @@ def serve(
     _serve(settings)
 
 
+def _operator(token: str) -> dict[str, str]:
+    return {"name": "operator", "role": "admin", "token": token}
+
+
 def _serve(settings: Settings) -> None:
     try:
-        import uvicorn
-
-        from fluentboard.api.app import create_app
-        from fluentboard.board.blackboard import Blackboard
-    except ImportError as problem:
+        from fluentboard.api import server
+    except ModuleNotFoundError as problem:
+        if (problem.name or "").startswith("fluentboard"):
+            raise  # ours, so not what an extra would install
         raise MissingExtra(
             f"serving a board needs the extra 'service' ({problem.name} is missing); install it "
             "with: pip install 'fluentboard[service]'"
         ) from problem
+
+    def announce(address: str) -> None:
+        # Whoever started this process on port 0 waits for this line.
+        typer.echo(f"fluentboard {__version__} serves {address}")
+        sys.stdout.flush()
 
     logging.basicConfig(
         level=settings.log.level.upper(),
         format="%(asctime)s %(levelname)-7s %(name)s: %(message)s",
         stream=sys.stderr,
     )
-
-    class Server(uvicorn.Server):
-        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-            await super().startup(sockets)
-            if self.started:
-                # The line that whoever started this process on port 0 waits for.
-                typer.echo(f"fluentboard {__version__} serves {address}")
-                sys.stdout.flush()
-
-    storage = settings.storage
-    with _bound(settings) as listener:
-        name, port = listener.getsockname()[:2]
-        address = f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
-        with Blackboard.open(
-            storage.data,
-            durability=storage.durability,
-            ontologies=storage.ontologies,
-            builtin_ontologies=storage.builtin_ontologies,
-        ) as board:
-            server = Server(
-                uvicorn.Config(
-                    create_app(board, settings),
-                    root_path=settings.server.root_path,
-                    log_config=None,
-                    access_log=settings.server.access_log,
-                    server_header=False,
-                    timeout_keep_alive=settings.server.keep_alive_s,
-                    timeout_graceful_shutdown=int(settings.server.shutdown_timeout_s) or 1,
-                    ws_max_size=settings.subscriptions.message_max_bytes,
-                    ws_ping_interval=settings.subscriptions.heartbeat_s,
-                    ws_ping_timeout=settings.subscriptions.heartbeat_s,
-                )
-            )
-            # Uvicorn stops on a signal and then raises it again for whoever else cares; here nobody
-            # does, and the default action would end the process before the board is closed.
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
-            with contextlib.suppress(KeyboardInterrupt):
-                server.run(sockets=[listener])
-    if not server.started:
-        sys.exit(1)
-
-
-def _bound(settings: Settings) -> socket.socket:
-    """A socket on the wanted address.
-
-    Raises:
-        InvalidConfiguration: the address is not one of this machine, or the port is in use.
-    """
-    host, port = settings.server.host, settings.server.port
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        listener = socket.socket(family, kind, protocol)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-    except OSError as problem:
-        raise InvalidConfiguration(
-            f"cannot listen on {host} port {port}: {problem.strerror}; "
-            "choose another --port (0 takes any free one) or --host"
-        ) from problem
-    return listener
+    server.serve(settings, announce)

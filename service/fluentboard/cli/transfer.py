@@ -54,10 +54,10 @@ def import_file(
     ] = None,
     token: Token = None,
 ) -> None:
-    """Import fluents (YAML, JSON Lines) or an ontology (Turtle).
+    """Import fluents from YAML, JSON Lines or Turtle.
 
-    The file is streamed, so it may be larger than memory. Fluents that the board knows already are
-    refined by what the file says about them.
+    The file is streamed, so it may be larger than memory. If anything in it is wrong, nothing of it
+    is stored. Fluents that the board knows already are refined by what the file says about them.
     """
     chosen = format or _BY_SUFFIX.get(file.suffix.lower())
     if chosen is None:
