@@ -41,7 +41,7 @@ _UNITS_M = {
 }
 _UNIT_NOTE = re.compile(rb"units?\s*[:=]\s*([a-zA-Z]+)", re.IGNORECASE)
 _TO_Z_UP: dict[Axis, NDArray[np.float64]] = {
-    "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]),
+    "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "z": np.eye(3),
 }

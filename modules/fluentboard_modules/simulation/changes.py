@@ -54,10 +54,10 @@ class ChangeConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    moved: int = Field(3, ge=0)
-    removed: int = Field(1, ge=0)
-    added: int = Field(1, ge=0)
-    swapped: int = Field(0, ge=0)
+    moved: int = Field(default=3, ge=0)
+    removed: int = Field(default=1, ge=0)
+    added: int = Field(default=1, ge=0)
+    swapped: int = Field(default=0, ge=0)
     """Pairs of things of the same support that change places."""
 
     distance_m: tuple[float, float] = (0.05, 0.35)

@@ -24,35 +24,35 @@ class NoiseConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    axial: float = Field(1.0, ge=0.0)
+    axial: float = Field(default=1.0, ge=0.0)
     """Factor on the standard deviation of the depth; 1 as measured (Nguyen 2012, Eq. 3)."""
 
-    lateral: float = Field(1.0, ge=0.0)
+    lateral: float = Field(default=1.0, ge=0.0)
     """Factor on the sideways wander of a pixel; 1 as measured (Nguyen 2012, Eq. 2)."""
 
     quantisation: bool = True
     """Round the disparity to `disparity_step_px` (Khoshelham 2012)."""
 
-    disparity_step_px: float = Field(0.125, gt=0.0)
+    disparity_step_px: float = Field(default=0.125, gt=0.0)
     """Kinect: 1/8 pixel."""
 
     shadow: bool = True
     """Lose the depth that the infrared projector cannot see past a nearer edge."""
 
-    baseline_m: float = Field(0.075, gt=0.0)
+    baseline_m: float = Field(default=0.075, gt=0.0)
     """Projector to camera, to the right in the image (Khoshelham 2012: 7.5 cm)."""
 
-    focal_px: float = Field(580.0, gt=0.0)
+    focal_px: float = Field(default=580.0, gt=0.0)
     """Of the camera the formulas were measured with, at 640 px image width."""
 
-    grazing_from_rad: float = Field(math.radians(75.0), ge=0.0, le=math.pi / 2)
+    grazing_from_rad: float = Field(default=math.radians(75.0), ge=0.0, le=math.pi / 2)
     """Incidence from which pixels get lost; Nguyen measured clean data up to 60 deg and rapid decay
     beyond, the ramp is ours."""
 
-    grazing_to_rad: float = Field(math.radians(87.0), ge=0.0, le=math.pi / 2)
+    grazing_to_rad: float = Field(default=math.radians(87.0), ge=0.0, le=math.pi / 2)
     """Incidence from which every pixel is lost."""
 
-    dropout: float = Field(0.001, ge=0.0, le=1.0)
+    dropout: float = Field(default=0.001, ge=0.0, le=1.0)
     """Share of pixels lost for no visible reason."""
 
     @classmethod

@@ -28,9 +28,9 @@ class RestaurantConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    chairs_per_table: int = Field(2, ge=0, le=4)
-    guests_per_table: int = Field(2, ge=0, le=4)
-    shelves: int = Field(2, ge=0, le=2)
+    chairs_per_table: int = Field(default=2, ge=0, le=4)
+    guests_per_table: int = Field(default=2, ge=0, le=4)
+    shelves: int = Field(default=2, ge=0, le=2)
     on_counter: tuple[str, ...] = ("PepperMill", "PepperMill", "Mug", "Mug", "Plate", "Bottle")
     setting: TableSettingConfig = TableSettingConfig()
 

@@ -53,13 +53,13 @@ class RoomConfig(BaseModel):
     counters: tuple[int, int] = (0, 1)
     cabinets: tuple[int, int] = (0, 1)
 
-    laid: float = Field(0.6, ge=0.0, le=1.0)
+    laid: float = Field(default=0.6, ge=0.0, le=1.0)
     """Probability that a table is laid for its guests instead of strewn with clutter."""
 
-    filled: float = Field(0.75, ge=0.0, le=1.0)
+    filled: float = Field(default=0.75, ge=0.0, le=1.0)
     """How full the shelves are."""
 
-    passage_m: float = Field(0.75, ge=0.0)
+    passage_m: float = Field(default=0.75, ge=0.0)
     """Free way between pieces of furniture that do not belong together."""
 
 

@@ -28,13 +28,13 @@ class TableSettingConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    place_width_m: float = Field(0.6, gt=0.4)
+    place_width_m: float = Field(default=0.6, gt=0.4)
     """Edge of the table that one guest needs (usual in restaurants)."""
 
-    untidiness: float = Field(1.0, ge=0.0, le=2.0)
+    untidiness: float = Field(default=1.0, ge=0.0, le=2.0)
     """Factor on the scatter: 1 cm and 4 deg for cutlery, 2 cm for mugs; 0 is ruler-straight."""
 
-    missing: float = Field(0.06, ge=0.0, le=1.0)
+    missing: float = Field(default=0.06, ge=0.0, le=1.0)
     """Probability that an item of a place is not there."""
 
     shared: tuple[str, ...] = ("TableSign", "Jug", "SugarPot", "MilkPot")
