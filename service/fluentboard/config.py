@@ -99,6 +99,11 @@ class LimitSettings(_Section):
     result_max_bytes: _Count = Field(
         default=256 * 2**20, description="Longest result of one query."
     )
+    result_cache_bytes: int = Field(
+        default=32 * 2**20,
+        ge=0,
+        description="Memory for results that are given again until the next commit; 0 for none.",
+    )
     result_memory_max_bytes: _Count = Field(
         default=4 * 2**20,
         description="Results longer than this wait in a temporary file to be sent.",

@@ -19,8 +19,10 @@ import pyoxigraph as ox
 
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.point_queries import is_point_query
+from fluentboard.api.result_cache import Cached, Key, ResultCache
 from fluentboard.api.results import ResultSink, Stopped
 from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.events import Commit
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
 
@@ -69,8 +71,8 @@ class Question:
 
     text: str
     accept: str | None = None
-    default_graphs: Sequence[str] = ()
-    named_graphs: Sequence[str] = ()
+    default_graphs: tuple[str, ...] = ()
+    named_graphs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +80,16 @@ class Result:
     """A whole result.
 
     Attributes:
-        media_type: of what is in the sink.
-        sink: holds the text.
+        media_type: of the text.
+        text: the serialised result, or None if it is so long that it waits in the sink's file.
+        sink: where it was written; None if it was known already.
+        commit: the commit it is exact at, or None if one came in between.
     """
 
     media_type: str
-    sink: ResultSink
+    text: bytes | None
+    sink: ResultSink | None
+    commit: int | None
 
 
 class Evaluator:
@@ -102,6 +108,13 @@ class Evaluator:
         )
         self._threads = ThreadPoolExecutor(limits.queries_at_once, thread_name_prefix="query")
         self._never = threading.Event()
+        self._cache = ResultCache(limits.result_cache_bytes)
+        self._applied = 0
+        self._stop_listening = board.listen(self._on_commits)
+        # Whatever was committed before listening began has been applied when this returns.
+        commit = board.commit
+        board.query("ASK {}")
+        self._applied = max(self._applied, commit)
         self._running: set[Future[Result]] = set()
         self.timeouts = 0
 
@@ -119,7 +132,19 @@ class Evaluator:
             QueryTimeout: it took too long.
             TooLarge: its result is too long.
         """
-        if is_point_query(question.text):
+        commit = self._board.commit
+        key = Key(question.text, question.accept, question.default_graphs, question.named_graphs)
+        known = self._cache.get(commit, key)
+        if known is not None:
+            return Result(known.media_type, known.text, None, commit)
+        result = await self._evaluated(question, commit)
+        if result.text is not None and result.commit is not None:
+            self._cache.put(result.commit, key, Cached(result.media_type, result.text))
+        return result
+
+    async def _evaluated(self, question: Question, commit: int) -> Result:
+        # A query waits until the RDF store has all that was committed; the event loop must not.
+        if self._applied >= commit and is_point_query(question.text):
             try:
                 return self._answer(question, self._inline_limits, self._never)
             except TooLarge:
@@ -143,17 +168,26 @@ class Evaluator:
 
     def close(self) -> None:
         """Lets go of the threads; queries that wait for one are dropped."""
+        self._stop_listening()
         self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def _on_commits(self, commits: Sequence[Commit]) -> None:
+        """Called in another thread when the RDF store has applied commits."""
+        self._applied = commits[-1].number
 
     def _answer(self, question: Question, limits: LimitSettings, stop: threading.Event) -> Result:
         # A protocol request that names any graph names the whole dataset.
         has_dataset = bool(question.default_graphs or question.named_graphs)
+        commit = self._board.commit
         results = self._board.query(
             question.text,
             default_graphs=_graphs(question.default_graphs) if has_dataset else None,
             named_graphs=_graphs(question.named_graphs) if has_dataset else None,
         )
-        return written(results, question.accept, limits, stop)
+        # The snapshot is taken by now. If no write was acknowledged since, it is of that commit.
+        is_exact = self._board.commit == commit
+        media_type, sink = written(results, question.accept, limits, stop)
+        return Result(media_type, sink.text, sink, commit if is_exact else None)
 
 
 def written(
@@ -161,8 +195,8 @@ def written(
     accept: str | None,
     limits: LimitSettings,
     stop: threading.Event,
-) -> Result:
-    """The results in the format that the client wants most.
+) -> tuple[str, ResultSink]:
+    """Media type and text of the results, in the format that the client wants most.
 
     Raises:
         NotAcceptable: it wants none that fits.
@@ -183,7 +217,7 @@ def written(
     except (TooLarge, Stopped):
         sink.close()
         raise
-    return Result(media_type, sink)
+    return media_type, sink
 
 
 def _graphs(iris: Sequence[str]) -> list[ox.NamedNode]:

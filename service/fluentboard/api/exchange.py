@@ -6,6 +6,7 @@ them into problem documents.
 
 from __future__ import annotations
 
+from binascii import a2b_qp
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, MutableMapping
 from typing import Any
 from urllib.parse import parse_qsl, unquote_plus
@@ -313,16 +314,26 @@ def form_values(encoded: bytes, what: str) -> dict[str, list[str]]:
         InvalidInput: a value is not UTF-8.
     """
     try:
-        # The common case of one parameter is three times faster without parse_qsl.
+        # One parameter is the common case, and three times faster without parse_qsl.
         if encoded.count(b"=") == 1 and b"&" not in encoded:
-            key, _, value = encoded.decode("ascii").partition("=")
-            return {key: [unquote_plus(value, errors="strict")]}
+            key, _, value = encoded.partition(b"=")
+            return {key.decode("ascii"): [_unquoted(value)]}
         values: dict[str, list[str]] = {}
         for key, value in parse_qsl(encoded.decode(), keep_blank_values=True, errors="strict"):
             values.setdefault(key, []).append(value)
         return values
     except ValueError:
         raise InvalidInput(f"{what} is not percent-encoded UTF-8") from None
+
+
+def _unquoted(value: bytes) -> str:
+    """Like `unquote_plus`, in a tenth of the time: quoted-printable is decoded in C."""
+    if b"\n" not in value and b"\r" not in value:
+        text = a2b_qp(value.replace(b"=", b"%3D").replace(b"+", b" ").replace(b"%", b"="))
+        # Every good escape makes the text two bytes shorter, a malformed one does not.
+        if len(text) == len(value) - 2 * value.count(b"%"):
+            return text.decode()
+    return unquote_plus(value.decode("ascii"), errors="strict")
 
 
 def body_too_large(limit_bytes: int, size_bytes: int | None = None) -> TooLarge:

@@ -14,9 +14,10 @@ from fluentboard.api.evaluation import (
     Evaluator,
     Question,
 )
-from fluentboard.api.exchange import Call, Reply, StreamedReply, form_values, utf8_text
+from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, form_values, utf8_text
 from fluentboard.api.negotiation import negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.writing import commit_header
 from fluentboard.config import LimitSettings
 from fluentboard.errors import (
     FluentsAreReadOnly,
@@ -33,6 +34,10 @@ from fluentboard_ontology import PREFIXES
 _FORM = "application/x-www-form-urlencoded"
 _DIRECT = "application/sparql-query"
 _UPDATE = "application/sparql-update"
+
+# How much of a query is shown on either side of a mistake, and how many alternatives.
+_CONTEXT = 30
+_EXPECTED_MAX = 8
 
 _POSITION = re.compile(r"error at (\d+):(\d+)")
 
@@ -100,14 +105,15 @@ class SparqlRoutes:
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:
-            position = _POSITION.search(problem.message)
-            if position is not None:
-                problem.detail.update(line=int(position[1]), column=int(position[2]))
-            raise
-        text, media_type = result.sink.text, result.media_type.encode()
-        if text is None:
-            return StreamedReply(result.sink.chunks(), media_type, result.sink.size, [_VARY])
-        return Reply(text, media_type, 200, [_VARY])
+            raise _located(problem, question.text) from None
+        headers: HeaderList = [_VARY]
+        if result.commit is not None:
+            headers.append(commit_header(result.commit))
+        if result.text is not None:
+            return Reply(result.text, result.media_type.encode(), 200, headers)
+        sink = result.sink
+        assert sink is not None, "a result that is not in memory is in a file"
+        return StreamedReply(sink.chunks(), result.media_type.encode(), sink.size, headers)
 
     def operations(self) -> list[Operation]:
         """The routes, documented."""
@@ -123,7 +129,11 @@ class SparqlRoutes:
             + " need no declaration. The result is complete before its first byte is sent, so a "
             "reply is either whole or a problem."
         )
-        answer = Answer("The result, in the format that Accept asks for.", _result_contents())
+        answer = Answer(
+            "The result, in the format that Accept asks for.",
+            _result_contents(),
+            {"X-Commit": "The commit that it is exact at; left out if one came in between."},
+        )
         errors = (
             InvalidQuery,
             InvalidInput,
@@ -202,8 +212,26 @@ def _question(parameters: Mapping[str, Sequence[str]], accept: str | None) -> Qu
     return Question(
         queries[0],
         accept,
-        parameters.get("default-graph-uri", ()),
-        parameters.get("named-graph-uri", ()),
+        tuple(parameters.get("default-graph-uri", ())),
+        tuple(parameters.get("named-graph-uri", ())),
+    )
+
+
+def _located(problem: InvalidQuery, query: str) -> InvalidQuery:
+    """The problem with the place in the query, instead of all that could have stood there."""
+    position = _POSITION.search(problem.message)
+    if position is None:
+        return problem
+    line, column = int(position[1]), int(position[2])
+    text = (query.splitlines() or [""])[min(line, query.count("\n") + 1) - 1]
+    before, _, expected = problem.message.partition("expected one of")
+    few = expected.count(",") < _EXPECTED_MAX
+    begin = max(0, column - 1 - _CONTEXT)
+    near = text[begin : column - 1 + _CONTEXT]
+    message = problem.message if few else before.rstrip(": ")
+    return InvalidQuery(
+        f"{message} (line {line}, column {column}, near {near!r})",
+        **{**problem.detail, "line": line, "column": column},
     )
 
 
