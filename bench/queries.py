@@ -1,0 +1,132 @@
+"""Queries in process: a point query, the thesis's anchoring query, and what holds at a time."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import shutil
+import tempfile
+from pathlib import Path
+
+import pyoxigraph as ox
+import rdflib
+
+from bench.measuring import Report, compare
+from bench.workload import ANCHORING_QUERY, fluents, ntriples, vocabulary
+from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.commands import AssertFluent
+from fluentboard.board.intervals import FluentFilter
+from fluentboard.board.projections import Projections
+from fluentboard_ontology import ONTOLOGIES, PREFIXES, read
+
+FLUENTS = 100_000
+AS_OF_FLUENTS = 1_000_000
+
+
+def run() -> list[Report]:
+    """All three measurements."""
+    folder = Path(tempfile.mkdtemp(prefix="fluentboard-bench-"))
+    board = Blackboard.open(folder / "board", durability="process")
+    try:
+        _fill(board, FLUENTS)
+        reports = [_point(board), _anchoring(board)]
+    finally:
+        board.close()
+        shutil.rmtree(folder, ignore_errors=True)
+    return [*reports, _as_of()]
+
+
+def _fill(board: Blackboard, count: int) -> None:
+    made = fluents(count)
+    while batch := [AssertFluent(f) for f in itertools.islice(made, 5_000)]:
+        board.execute(batch, "bench")
+
+
+def _rows(results: object) -> int:
+    assert isinstance(results, ox.QuerySolutions)
+    return sum(1 for _ in results)
+
+
+def _rdflib_graph(count: int) -> rdflib.Graph:
+    graph = rdflib.Graph()
+    graph.parse(data=ntriples(fluents(count), vocabulary()), format="nt")
+    for name in ONTOLOGIES:
+        graph.parse(data=read(name), format="turtle")
+    return graph
+
+
+def _point(board: Blackboard) -> Report:
+    rng = random.Random(5)
+    graph = _rdflib_graph(20_000)
+
+    def query() -> str:
+        return f"SELECT ?p ?o {{ fluent:o{rng.randrange(5_000)}_pose ?p ?o }}"
+
+    def ours() -> None:
+        for _ in range(100):
+            assert _rows(board.query(query())) == 9
+
+    def in_rdflib() -> None:
+        for _ in range(100):
+            assert len(list(graph.query(query(), initNs=dict(PREFIXES)))) == 9
+
+    return compare(
+        "Point query, in process",
+        {"fluentboard, 100,000 fluents": ours, "rdflib, 20,000 fluents": in_rdflib},
+        rounds=7,
+        operations=100,
+        unit="us",
+    )
+
+
+def _anchoring(board: Blackboard) -> Report:
+    projections: Projections = board._projections  # the literal evaluation is not public
+    expected = _rows(board.query(ANCHORING_QUERY))
+
+    def ours() -> None:
+        assert _rows(board.query(ANCHORING_QUERY)) == expected
+
+    def literal() -> None:
+        assert _rows(projections.store.query(ANCHORING_QUERY)) == expected
+
+    report = compare(
+        "The anchoring query of Section 4.2.4 at 100,000 fluents",
+        {"fluentboard": ours, "Oxigraph, literal evaluation of the class paths": literal},
+        rounds=5,
+        unit="ms",
+        target="under 0.5 s, and at least 100 times the literal evaluation",
+        notes=[f"{expected:,} rows."],
+    )
+    graph = _rdflib_graph(4_000)
+
+    def in_rdflib() -> None:
+        graph.query(ANCHORING_QUERY, initNs=dict(PREFIXES)).bindings  # noqa: B018
+
+    slow = compare("", {"rdflib": in_rdflib}, rounds=1, unit="ms")
+    report.notes.append(f"rdflib needs {slow.medians['rdflib']:,.0f} ms at 4,000 fluents.")
+    return report
+
+
+def _as_of() -> Report:
+    board = Blackboard.open(None, durability="process")
+    index = board._projections.index  # filled directly: a million commits would take minutes
+    rng = random.Random(3)
+    for number in range(AS_OF_FLUENTS):
+        seen = 1000.0 + number * 0.01
+        lasts = float("inf") if number % 10 == 0 else seen + rng.uniform(0.1, 20.0)
+        index.put_outline(f"f{number}", "Pose", (seen, seen, lasts, lasts), number + 1)
+    at = 1000.0 + AS_OF_FLUENTS * 0.005
+
+    def ours() -> None:
+        rows, _ = index.rows(FluentFilter(at_s=at), lambda _name: True)
+        [index.name(row) for row in rows[:100].tolist()]
+
+    report = compare(
+        "What holds at a time, among 1,000,000 fluents (first 100 of them)",
+        {"fluentboard": ours},
+        rounds=9,
+        unit="ms",
+        target="at most 50 ms",
+    )
+    board.close()
+    return report
