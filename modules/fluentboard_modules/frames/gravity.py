@@ -37,7 +37,8 @@ class FloorHeight:
     """Where the floor is.
 
     Attributes:
-        height_m: along the upward axis, from the candidates' origin.
+        height_m: along the upward axis, from the candidates' origin, at the anchor.
+        anchor: x and y where the height holds: the middle of what stands above the floor.
         slope_x: rise of the floor per metre along x; not zero if gravity is off or the map is bent.
         slope_y: rise of the floor per metre along y.
         residual_m: median distance of the supporting surfaces from the sloping floor.
@@ -46,10 +47,11 @@ class FloorHeight:
     """
 
     height_m: float
-    slope_x: float
-    slope_y: float
-    residual_m: float
-    n_frames: int
+    slope_x: float = 0.0
+    slope_y: float = 0.0
+    residual_m: float = 0.0
+    n_frames: int = 0
+    anchor: tuple[float, float] = (0.0, 0.0)
 
 
 def align_with_gravity(gravity_world: FloatArray | None) -> Transform:
@@ -128,7 +130,7 @@ def find_floor(
     bottom_m = float(np.quantile(lowest, 0.2)) if lowest.size else math.inf
     centres = np.concatenate([np.zeros((0, 3)), *(frame.centres for frame in frames)])
     if len(centres) == 0 or centres[:, 2].min() > bottom_m + depth_below_m:
-        return FloorHeight(bottom_m, 0.0, 0.0, 0.0, 0) if lowest.size else None
+        return FloorHeight(bottom_m) if lowest.size else None
     areas = np.concatenate([np.zeros(0), *(frame.areas_m2 for frame in frames)])
     weights = np.minimum(areas, largest_area_m2)
     frame_of = np.repeat(np.arange(len(frames)), [len(frame.centres) for frame in frames])
@@ -142,7 +144,7 @@ def find_floor(
     peaks_m = heights.min() + (np.arange(mass.size) - reach + 0.5) * resolution_m
     is_peak &= peaks_m <= bottom_m + depth_below_m
     if not is_peak.any():
-        return FloorHeight(bottom_m, 0.0, 0.0, 0.0, 0)
+        return FloorHeight(bottom_m)
     # A flat-topped peak (one surface alone) counts at its middle.
     last = first = int(np.flatnonzero(is_peak)[0])
     while last + 1 < mass.size and is_peak[last + 1] and mass[last + 1] == mass[first]:
@@ -173,6 +175,7 @@ def find_floor(
         slope_y=float(plane[2]),
         residual_m=float(np.median(np.abs(heights - level)[member])),
         n_frames=int(np.unique(frame_of[member]).size),
+        anchor=(float(there[0]), float(there[1])),
     )
 
 

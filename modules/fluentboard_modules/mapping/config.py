@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict, Field
 
 
@@ -99,3 +101,98 @@ class SurfacesConfig(_Settings):
     segmentation: SegmentationConfig = SegmentationConfig()
     contours: ContourConfig = ContourConfig()
     range_max_m: float = Field(6.0, gt=0.0, description="Beyond, a Kinect's depth is 7 cm off.")
+
+
+class FusionConfig(_Settings):
+    """Regions of many frames to the planes of the map.
+
+    The distances allow for poses and depth that agree to 2-4 cm only (7-Scenes red kitchen).
+    """
+
+    cell_m: float = Field(0.02, gt=0.0, description="Grid on each plane.")
+    same_angle_deg: float = Field(
+        12.0, gt=0.0, lt=90.0, description="Small far regions are off by as much."
+    )
+    same_distance_m: float = Field(
+        0.06, gt=0.0, description="Poses 2-4 cm off, twice over; boards and box tops are further."
+    )
+    same_reach_cells: int = Field(2, ge=0, description="Overlap is judged with so much drift.")
+    same_overlap: float = Field(
+        0.15, gt=0.0, le=1.0, description="Share of the smaller that must overlap."
+    )
+    solid_share: float = Field(
+        0.4, gt=0.0, lt=1.0, description="A cell stays if so many of those who could see it did."
+    )
+    fringe_share: float = Field(
+        0.1, ge=0.0, lt=1.0, description="Cells seen by a smaller share of the frames are drift."
+    )
+    fringe_frames: int = Field(
+        20, ge=1, description="The share is taken of at most so many frames: a corner seen twice."
+    )
+    slope_prior_weight: float = Field(
+        1.0e4, gt=0.0, description="Prior of the first normal, in cells at 1 cm standard deviation."
+    )
+    pose_sigma_m: float = Field(
+        0.02, gt=0.0, description="What one frame's pose adds to the position of its regions."
+    )
+    see_through_m: float = Field(
+        0.08, gt=0.0, description="Measured so far behind a plane, the plane is not there."
+    )
+    missed_share: float = Field(
+        0.5, gt=0.0, le=1.0, description="Seen through in so much of its visible part: a miss."
+    )
+    judged_share: float = Field(
+        0.3, gt=0.0, le=1.0, description="Frames that see less of a plane do not judge it."
+    )
+    memory_frames: int = Field(
+        24, ge=4, description="Evidence counts are halved beyond, so that a moved chair goes away."
+    )
+    forget_ratio: float = Field(
+        3.0, gt=0.0, description="Forget a plane that this many times more views missed than saw."
+    )
+    forget_least_views: int = Field(5, ge=1, description="Views that miss a plane before that.")
+    planes_max: int = Field(400, ge=1, description="The smallest, longest unseen are dropped.")
+    contours: ContourConfig = ContourConfig(simplify_m=0.015, smallest_hole_m2=0.01)
+
+
+class HypothesisConfig(_Settings):
+    """First poses and boxes."""
+
+    top_orientation: Literal["rectangle", "pca"] = Field(
+        "rectangle", description="Of tables and shelves; pca is that of section 3.2.2."
+    )
+    placing_height_m: float = Field(
+        0.3, gt=0.0, description="Placing areas reach so far up: bottles are 0.3 m high."
+    )
+
+
+class FurnitureMapConfig(_Settings):
+    """Hypotheses over many frames to furniture."""
+
+    fusion: FusionConfig = FusionConfig()
+    hypotheses: HypothesisConfig = HypothesisConfig()
+    least_frames: int = Field(
+        2, ge=1, description="Planes seen in fewer frames are not classified."
+    )
+    support_frames: float = Field(
+        5.0, gt=0.0, description="After so many frames of support the score is 1 - 1/e = 0.63."
+    )
+    accept_score: float = Field(0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
+    drop_score: float = Field(0.3, gt=0.0, lt=1.0, description="No furniture any more.")
+    patience_frames: int = Field(
+        8, ge=0, description="How long a piece survives without a hypothesis, and a rival waits."
+    )
+    same_place_overlap: float = Field(
+        0.4, gt=0.0, le=1.0, description="Boxes of one class that overlap so much are one piece."
+    )
+    moved_m: float = Field(0.02, ge=0.0, description="Smaller changes of pose are not reported.")
+    turned_rad: float = Field(0.05, ge=0.0, description="Smaller turns are not reported.")
+    resized_m: float = Field(0.04, ge=0.0, description="Smaller changes of size are not reported.")
+    rescored: float = Field(0.1, ge=0.0, description="Smaller changes of score are not reported.")
+
+
+class MappingConfig(_Settings):
+    """Everything the mapping module can be told."""
+
+    surfaces: SurfacesConfig = SurfacesConfig()
+    furniture: FurnitureMapConfig = FurnitureMapConfig()

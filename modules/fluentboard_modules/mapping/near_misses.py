@@ -95,12 +95,16 @@ def _misses(
                 yield from _missing_partner(
                     rules, relations, evaluation, furniture, plane, missing[0]
                 )
-        elif all(evaluation.satisfies_one(part, plane) for part in others):
-            for rule in rules.rules:
-                if isinstance(rule.head, ClassAtom) and rule.head.class_name in own:
-                    yield from _failed_comparison(
-                        rules, features, evaluation, furniture, rule, plane
-                    )
+        else:
+            near = [
+                miss
+                for rule in rules.rules
+                if isinstance(rule.head, ClassAtom) and rule.head.class_name in own
+                for miss in _failed_comparison(rules, features, evaluation, furniture, rule, plane)
+            ]
+            # Last because it measures relations.
+            if near and all(evaluation.satisfies_one(part, plane) for part in others):
+                yield from near
 
 
 def _split(definition: Expression) -> tuple[list[str], list[Expression]]:

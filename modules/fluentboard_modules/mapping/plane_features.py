@@ -6,7 +6,7 @@ it is converted here and nowhere else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry import MultiPolygon
 
-from fluentboard.model.geometry import FloatArray
+from fluentboard.model.geometry import FloatArray, Plane
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 
 BoolArray = NDArray[np.bool_]
+IndexArray = NDArray[np.intp]
 
 FEATURES = ("hasInclination", "hasSize", "hasPosY", "hasLength", "hasWidth")
 """The datatype properties that are measured at every plane."""
@@ -59,14 +60,22 @@ class Measurement:
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
 
-def measure_features(regions: Sequence[PlanarRegion]) -> dict[str, FloatArray]:
-    """`(n,)` per feature: inclination in rad, area in m^2, height, length and width in m."""
+def measure_features(
+    regions: Sequence[PlanarRegion], floor: Plane | None = None
+) -> dict[str, FloatArray]:
+    """`(n,)` per feature: inclination in rad, area in m^2, height, length and width in m.
+
+    Args:
+        regions: the planes, in the map frame.
+        floor: from where heights count, its normal upwards; z = 0 by default.
+    """
+    centres = np.array([region.centroid for region in regions]).reshape(-1, 3)
     rectangles = np.array([_rectangle_sides(region) for region in regions]).reshape(-1, 2)
     tilt = np.array([region.tilt_rad for region in regions])
     return {
         "hasInclination": np.minimum(tilt, np.pi - tilt),
         "hasSize": np.array([region.area_m2 for region in regions]),
-        "hasPosY": np.array([region.height_m for region in regions]),
+        "hasPosY": centres[:, 2] if floor is None else floor.signed_distance(centres),
         "hasLength": rectangles[:, 0],
         "hasWidth": rectangles[:, 1],
     }
@@ -105,26 +114,37 @@ class PlaneRelations:
         self._trees: dict[int, cKDTree] = {}
         self._footprints: dict[int, MultiPolygon] = {}
         self._pair_values: dict[tuple[str, int, int], float] = {}
+        self._gap_limits: dict[tuple[int, int], float] = {}
 
     def holds(self, relation: str, candidates: BoolArray) -> BoolArray:
         """`(n, n)`; where the relation holds of (row, column) among the candidate pairs."""
         tolerance = self._tolerances[relation]
-        if relation == "isLowerThan":
-            return candidates & (self._rise() >= tolerance["minimumRise"])
-        if relation == "isPerpendicularTo":
-            return candidates & (self._off_perpendicular() <= tolerance["angleTolerance"])
-        if relation == "isParallelTo":
-            return candidates & (self._off_parallel() <= tolerance["angleTolerance"])
+        i, j = np.nonzero(candidates)
+        if relation in ("isLowerThan", "isBelow"):
+            passed = self._height[j] - self._height[i] >= tolerance["minimumRise"]
+        elif relation == "isPerpendicularTo":
+            passed = np.arcsin(self._cosines(i, j)) <= tolerance["angleTolerance"]
+        elif relation == "isParallelTo":
+            passed = np.arccos(self._cosines(i, j)) <= tolerance["angleTolerance"]
+        elif relation == "isAdjacentTo":
+            # Boxes first: they are cheap and bound the gap. Nothing is its own neighbour.
+            passed = self._boxes_within(i, j, tolerance["maximumGap"]) & (i != j)
+        else:
+            raise KeyError(relation)
+        if relation == "isBelow":
+            passed &= self._boxes_within(i, j, 0.0, axes=2)
+        i, j = i[passed], j[passed]
         if relation == "isAdjacentTo":
             gap = tolerance["maximumGap"]
-            near = candidates & self._boxes_within(gap)
-            np.fill_diagonal(near, False)  # nothing is its own neighbour
-            return _filter(near, lambda i, j: self._gap_m(i, j, gap) <= gap)
-        if relation == "isBelow":
-            lower = candidates & (self._rise() >= tolerance["minimumRise"])
-            over = lower & self._boxes_within(0.0, axes=2)
-            return _filter(over, lambda i, j: self._overlap(i, j) >= tolerance["minimumOverlap"])
-        raise KeyError(relation)
+            near = [self._gap_m(int(a), int(b), gap) <= gap for a, b in zip(i, j, strict=True)]
+            i, j = i[near], j[near]
+        elif relation == "isBelow":
+            least = tolerance["minimumOverlap"]
+            over = [self._overlap(int(a), int(b)) >= least for a, b in zip(i, j, strict=True)]
+            i, j = i[over], j[over]
+        result = np.zeros_like(candidates)
+        result[i, j] = True
+        return result
 
     def measure(self, relation: str, i: int, j: int) -> list[Measurement]:
         """The quantities behind a measured relation of the planes i and j."""
@@ -142,33 +162,31 @@ class PlaneRelations:
         if relation == "isAdjacentTo":
             gap = self._gap_m(i, j, np.inf)
             return [Measurement("gap", gap, tolerance["maximumGap"], False, "m")]
-        off = self._off_perpendicular() if relation == "isPerpendicularTo" else self._off_parallel()
+        cosine = float(self._cosines(np.array([i]), np.array([j]))[0])
+        off = np.arcsin(cosine) if relation == "isPerpendicularTo" else np.arccos(cosine)
         name = "off the right angle" if relation == "isPerpendicularTo" else "off parallel"
-        return [Measurement(name, float(off[i, j]), tolerance["angleTolerance"], False, "rad")]
+        return [Measurement(name, float(off), tolerance["angleTolerance"], False, "rad")]
 
-    def _rise(self) -> FloatArray:
-        return self._height[None, :] - self._height[:, None]
+    def _cosines(self, i: IndexArray, j: IndexArray) -> FloatArray:
+        """Absolute cosine between the normals of each pair."""
+        cosine = np.einsum("ki,ki->k", self._normal[i], self._normal[j])
+        return np.clip(np.abs(cosine), 0.0, 1.0)
 
-    def _cosines(self) -> FloatArray:
-        return np.clip(np.abs(self._normal @ self._normal.T), 0.0, 1.0)
-
-    def _off_perpendicular(self) -> FloatArray:
-        return np.arcsin(self._cosines())
-
-    def _off_parallel(self) -> FloatArray:
-        return np.arccos(self._cosines())
-
-    def _boxes_within(self, distance_m: float, axes: int = 3) -> BoolArray:
-        """Whether the axis-aligned boxes come this close; 2 axes compare footprints."""
-        low, high = self._low[:, :axes], self._high[:, :axes]
-        apart = low[:, None] > high[None, :] + distance_m
-        return ~(apart | apart.transpose(1, 0, 2)).any(axis=2)
+    def _boxes_within(
+        self, i: IndexArray, j: IndexArray, distance_m: float, axes: int = 3
+    ) -> BoolArray:
+        """Whether the axis-aligned boxes of each pair come this close; 2 axes: seen from above."""
+        low, high = self._low[:, :axes], self._high[:, :axes] + distance_m
+        return (low[i] <= high[j]).all(axis=1) & (low[j] <= high[i]).all(axis=1)
 
     def _gap_m(self, i: int, j: int, limit_m: float) -> float:
         """Smallest distance of the contours; infinite if it exceeds the limit."""
         i, j = min(i, j), max(i, j)
         key = ("gap", i, j)
-        if key not in self._pair_values or not np.isfinite(self._pair_values[key]):
+        known = self._pair_values.get(key)
+        # Infinity was found with some limit; a wider one has to look again.
+        if known is None or (np.isinf(known) and limit_m > self._gap_limits.get((i, j), 0.0)):
+            self._gap_limits[i, j] = limit_m
             # A little more than the limit: the tree's own bound is exclusive.
             distance, _ = self._tree(i).query(
                 self._tree(j).data, distance_upper_bound=limit_m * 1.001 + 1e-6
@@ -199,10 +217,3 @@ class PlaneRelations:
             valid = footprint if footprint.is_valid else shapely.make_valid(footprint)
             self._footprints[i] = valid
         return self._footprints[i]
-
-
-def _filter(candidates: BoolArray, test: Callable[[int, int], bool]) -> BoolArray:
-    result = np.zeros_like(candidates)
-    for i, j in zip(*np.nonzero(candidates), strict=True):
-        result[i, j] = test(int(i), int(j))
-    return result

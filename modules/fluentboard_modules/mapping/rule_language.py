@@ -116,6 +116,7 @@ class FurnitureClass:
         back_planes: labels of the plane at its back; empty if the orientation comes from the PCA.
         symmetry_order: how many turns about the vertical look alike.
         priority: of two hypotheses for the same plane, the higher is preferred.
+        typical_depth_m: from back to front, for what is hidden; 0 if the ontology does not say.
     """
 
     name: str
@@ -123,6 +124,7 @@ class FurnitureClass:
     back_planes: tuple[str, ...]
     symmetry_order: int
     priority: float
+    typical_depth_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

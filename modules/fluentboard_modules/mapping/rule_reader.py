@@ -121,6 +121,7 @@ def _furniture(
             back_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.backPlane))),
             symmetry_order=int(_number(graph, node, FURNITURE.symmetryOrder, 1.0)),
             priority=_number(graph, node, FURNITURE.priority, 0.0),
+            typical_depth_m=_number(graph, node, FURNITURE.typicalDepth, 0.0),
         )
     return furniture
 

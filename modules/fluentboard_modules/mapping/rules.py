@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from fluentboard.model.geometry import Plane
 from fluentboard_modules.mapping.near_misses import NearMiss, find_near_misses
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_features import PlaneRelations, measure_features
@@ -50,6 +53,7 @@ class FurnitureHypothesis:
         planes: all regions that satisfied a part of it, the main plane first.
         rules: names of the rules that gave these planes their labels.
         priority: the class's priority in the ontology.
+        main_label: the label the definition asked of the main plane.
     """
 
     class_name: str
@@ -57,6 +61,7 @@ class FurnitureHypothesis:
     planes: tuple[PlaneInRole, ...]
     rules: tuple[str, ...]
     priority: float
+    main_label: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,16 +100,24 @@ class FurnitureRules:
         """The classes with a definition, by name."""
         return tuple(self.rules.furniture.values())
 
-    def classify(self, regions: Sequence[PlanarRegion]) -> Classification:
+    def classify(
+        self,
+        regions: Sequence[PlanarRegion],
+        *,
+        floor: Plane | None = None,
+        explain: bool = True,
+    ) -> Classification:
         """Labels of the regions, and the furniture they make up.
 
         Args:
             regions: planes in the map frame, of one frame or accumulated over many.
+            floor: from where heights count; by default from z = 0.
+            explain: whether to look for near misses, which takes longer than the rest.
         """
         relations = PlaneRelations(
             regions, {name: p.tolerances for name, p in self.rules.relations.items()}
         )
-        features = measure_features(regions)
+        features = measure_features(regions, floor)
         evaluation = Evaluation(self.rules, features, relations, len(regions))
         labels: list[set[str]] = [set() for _ in regions]
         for class_name in self._plane_classes():
@@ -118,14 +131,18 @@ class FurnitureRules:
         hypotheses = [
             self._hypothesis(furniture, int(plane), evaluation, fired)
             for furniture in self.rules.furniture.values()
-            for plane in evaluation.members(furniture.name).nonzero()[0]
+            for plane in self._defined(furniture, evaluation)
         ]
         hypotheses.sort(key=lambda h: (-h.priority, h.class_name, h.main_plane))
         return Classification(
             labels=tuple(frozenset(names) for names in labels),
             rules=tuple(tuple(names) for names in fired),
             hypotheses=tuple(hypotheses),
-            near_misses=tuple(find_near_misses(self.rules, features, relations, evaluation)),
+            near_misses=(
+                tuple(find_near_misses(self.rules, features, relations, evaluation))
+                if explain
+                else ()
+            ),
         )
 
     def _plane_classes(self) -> list[str]:
@@ -139,6 +156,13 @@ class FurnitureRules:
                     pending.append(child)
         return names
 
+    def _defined(self, furniture: FurnitureClass, evaluation: Evaluation) -> list[int]:
+        """The planes that satisfy a class's own definition, not only that of a subclass."""
+        satisfied = evaluation.members(furniture.name) & np.logical_or.reduce(
+            [evaluation.satisfies(d) for d in self.rules.definitions[furniture.name]]
+        )
+        return [int(plane) for plane in satisfied.nonzero()[0]]
+
     def _hypothesis(
         self,
         furniture: FurnitureClass,
@@ -149,7 +173,6 @@ class FurnitureRules:
         parts: list[PlaneInRole] = []
         for definition in self.rules.definitions[furniture.name]:
             parts.extend(_witnesses(definition, plane, evaluation))
-        # Of several labels that a union allows, the plane's own; each plane and label once.
         unique = tuple(dict.fromkeys(parts))
         main_first = sorted(unique, key=lambda part: part.plane != plane)
         heads = {
@@ -166,6 +189,7 @@ class FurnitureRules:
             planes=tuple(main_first),
             rules=tuple(dict.fromkeys(names)),
             priority=furniture.priority,
+            main_label=main_first[0].label,
         )
 
 

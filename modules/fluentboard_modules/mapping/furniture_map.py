@@ -1,0 +1,449 @@
+"""Furniture hypotheses over many frames to pieces of furniture with stable names.
+
+`FurnitureMap.update` takes one frame at a time. It adds the frame's regions to the planes of the
+map, classifies those, and decides which hypotheses are pieces of furniture. It touches nothing
+outside and draws no random numbers: the same frames give the same furniture.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from fluentboard.model.geometry import BoundingBox, Plane, Pose
+from fluentboard_modules.frames.gravity import find_floor
+from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
+from fluentboard_modules.mapping.floor import level_surfaces
+from fluentboard_modules.mapping.hypotheses import (
+    FurnitureGeometry,
+    place_hypothesis,
+    placing_box,
+)
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.plane_map import PlaneMap
+from fluentboard_modules.mapping.rule_language import FurnitureClass
+from fluentboard_modules.mapping.rules import (
+    Classification,
+    FurnitureHypothesis,
+    FurnitureRules,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FurniturePlane:
+    """A plane that explains a piece of furniture.
+
+    Attributes:
+        identifier: number of the plane in the map, stable over updates.
+        label: what the class's definition asked of it, such as `ChairSeatPlane`.
+        region: the plane as accumulated so far.
+        n_frames: frames that saw it.
+    """
+
+    identifier: int
+    label: str
+    region: PlanarRegion
+    n_frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class FurnitureItem:
+    """A piece of furniture.
+
+    Attributes:
+        identifier: stable name, the class in lower case and a number: `chair2`.
+        class_name: class of the furniture ontology.
+        pose: origin at the centroid of the main plane, x to the front, z up; map frame.
+        box: upright box from the floor to its highest plane; map frame.
+        placing_area: space above its top where things can be put, None for seats.
+        score: belief that it is there and what it is said to be, in [0, 1].
+        n_frames: frames that support it: that saw the least seen of its planes.
+        n_direct: frames that showed the whole definition at once.
+        planes: what explains it, the main plane first.
+        rules: names of the rules that labelled these planes.
+        alternatives: other classes whose definitions its main plane satisfies.
+        first_seen_s: stamp of the first frame that supports it, seconds.
+        last_seen_s: stamp of the last frame that saw its main plane, seconds.
+    """
+
+    identifier: str
+    class_name: str
+    pose: Pose
+    box: BoundingBox
+    placing_area: BoundingBox | None
+    score: float
+    n_frames: int
+    n_direct: int
+    planes: tuple[FurniturePlane, ...]
+    rules: tuple[str, ...]
+    alternatives: tuple[str, ...]
+    first_seen_s: float
+    last_seen_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FurnitureChange:
+    """What an update changed.
+
+    Attributes:
+        kind: `appeared`, `changed` (pose, size, planes or score) or `disappeared`.
+        item: the piece as it is now; as it last was, if it disappeared.
+    """
+
+    kind: Literal["appeared", "changed", "disappeared"]
+    item: FurnitureItem
+
+
+@dataclass(slots=True)
+class _Track:
+    """A piece of furniture in the making, or one already reported."""
+
+    item: FurnitureItem
+    main_plane: int
+    n_direct: int = 0
+    n_without: int = 0  # updates in a row without a hypothesis
+    is_accepted: bool = False
+    reported: FurnitureItem | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A hypothesis about planes of the map, placed and scored."""
+
+    hypothesis: FurnitureHypothesis
+    geometry: FurnitureGeometry
+    main_plane: int
+    planes: tuple[FurniturePlane, ...]
+    score: float
+    n_frames: int
+
+
+class FurnitureMap:
+    """The furniture of a room, updated frame by frame.
+
+    Args:
+        rules: the furniture ontology.
+        config: when a hypothesis is furniture.
+        noise: of the depth sensor.
+    """
+
+    def __init__(
+        self,
+        rules: FurnitureRules,
+        config: FurnitureMapConfig | None = None,
+        noise: DepthNoiseConfig | None = None,
+    ) -> None:
+        self._rules = rules
+        self._config = config or FurnitureMapConfig()
+        self._plane_map = PlaneMap(self._config.fusion, noise or DepthNoiseConfig())
+        self._tracks: list[_Track] = []
+        self._numbers: dict[str, int] = {}
+        self._stamp_s = 0.0
+
+    def update(
+        self,
+        frame: SensorFrame,
+        regions: Sequence[PlanarRegion],
+        classification: Classification | None = None,
+    ) -> list[FurnitureChange]:
+        """Takes in one frame.
+
+        Args:
+            frame: the frame, placed in the map frame.
+            regions: its planar regions, from `detect_regions`.
+            classification: `rules.classify(regions)`, if known: frames that show a whole piece at
+                once are counted as direct support.
+
+        Returns:
+            The pieces that appeared, changed or disappeared.
+        """
+        self._stamp_s = frame.stamp_s
+        plane_of, _ = self._plane_map.update(frame, regions)
+        identifiers, map_regions, verdict = self.classified_planes(explain=False)
+        candidates = self._candidates(identifiers, map_regions, verdict)
+        direct = {
+            (hypothesis.class_name, plane_of[hypothesis.main_plane])
+            for hypothesis in (classification.hypotheses if classification else ())
+        }
+        chosen = self._choose(candidates)
+        self._follow(chosen, candidates, direct)
+        return self._report()
+
+    def furniture(self) -> list[FurnitureItem]:
+        """The pieces of furniture believed in now, oldest first."""
+        return [track.item for track in self._tracks if track.is_accepted]
+
+    def classified_planes(
+        self, *, explain: bool = True
+    ) -> tuple[list[int], list[PlanarRegion], Classification]:
+        """Identifiers of the map's planes, the planes, and what the ontology says about them.
+
+        Args:
+            explain: whether to look for near misses.
+        """
+        known = self._plane_map.regions(self._config.least_frames)
+        identifiers = [identifier for identifier, _ in known]
+        regions = [region for _, region in known]
+        return (
+            identifiers,
+            regions,
+            self._rules.classify(regions, floor=_floor_plane(regions), explain=explain),
+        )
+
+    def _candidates(
+        self,
+        identifiers: list[int],
+        regions: list[PlanarRegion],
+        classification: Classification,
+    ) -> list[_Candidate]:
+        planes = self._plane_map.planes
+        found: list[_Candidate] = []
+        for hypothesis in classification.hypotheses:
+            furniture = self._rules.rules.furniture[hypothesis.class_name]
+            geometry = place_hypothesis(hypothesis, furniture, regions, self._config.hypotheses)
+            parts = tuple(
+                FurniturePlane(
+                    identifiers[part.plane],
+                    part.label,
+                    regions[part.plane],
+                    planes[identifiers[part.plane]].n_frames,
+                )
+                for part in hypothesis.planes
+                # Of several backrests only the one that gave the direction explains the chair.
+                if part.label not in furniture.back_planes
+                or geometry.back_plane in (None, part.plane)
+            )
+            n_frames = _support(parts)
+            existence = min(planes[part.identifier].existence for part in parts[:1])
+            growth = 1.0 - math.exp(-n_frames / self._config.support_frames)
+            found.append(
+                _Candidate(
+                    hypothesis,
+                    geometry,
+                    identifiers[hypothesis.main_plane],
+                    parts,
+                    existence * growth,
+                    n_frames,
+                )
+            )
+        return found
+
+    def _choose(self, candidates: list[_Candidate]) -> list[_Candidate]:
+        """One hypothesis per place: by the ontology's priority, then planes, then support."""
+        followed = {
+            (track.item.class_name, self._plane_map.current(track.main_plane))
+            for track in self._tracks
+            if track.is_accepted
+        }
+        ranked = sorted(
+            candidates,
+            key=lambda c: (
+                # Weak evidence for a preferred class does not push out strong evidence.
+                c.score < self._config.drop_score,
+                -c.hypothesis.priority,
+                # A seat says more than the backrest alone.
+                c.hypothesis.main_label in self._furniture(c).back_planes,
+                -len(c.planes),
+                (c.hypothesis.class_name, c.main_plane) not in followed,
+                -c.n_frames,
+                c.main_plane,
+            ),
+        )
+        chosen: list[_Candidate] = []
+        for candidate in ranked:
+            if not any(self._excludes(better, candidate) for better in chosen):
+                chosen.append(candidate)
+        return chosen
+
+    def _furniture(self, candidate: _Candidate) -> FurnitureClass:
+        return self._rules.rules.furniture[candidate.hypothesis.class_name]
+
+    def _excludes(self, better: _Candidate, other: _Candidate) -> bool:
+        """Whether two hypotheses cannot both be true.
+
+        They may share a plane if both take it for the same thing: a chair stands at a table, and
+        the table is a table.
+        """
+        same_class = better.hypothesis.class_name == other.hypothesis.class_name
+        for plane in better.planes:
+            if plane.identifier == other.main_plane and (
+                same_class or plane.label != other.hypothesis.main_label
+            ):
+                return True
+        if not same_class:
+            return False
+        overlap = box_overlap(better.geometry.box, other.geometry.box)
+        return overlap >= self._config.same_place_overlap
+
+    def _follow(
+        self,
+        chosen: list[_Candidate],
+        candidates: list[_Candidate],
+        direct: set[tuple[str, int]],
+    ) -> None:
+        """Joins this update's hypotheses with the pieces known so far."""
+        free = list(chosen)
+        for track in self._tracks:
+            candidate = self._match(track, free)
+            if candidate is None:
+                track.n_without += 1
+                continue
+            free.remove(candidate)
+            track.n_without = 0
+            track.main_plane = candidate.main_plane
+            key = (candidate.hypothesis.class_name, candidate.main_plane)
+            track.n_direct += key in direct
+            track.item = self._describe(candidate, candidates, track)
+        for candidate in free:
+            key = (candidate.hypothesis.class_name, candidate.main_plane)
+            track = _Track(
+                item=self._describe(candidate, candidates, None),
+                main_plane=candidate.main_plane,
+                n_direct=int(key in direct),
+            )
+            self._tracks.append(track)
+
+    def _match(self, track: _Track, free: list[_Candidate]) -> _Candidate | None:
+        """The hypothesis about the same main plane, or else about the same place."""
+        same_class = [
+            candidate
+            for candidate in free
+            if candidate.hypothesis.class_name == track.item.class_name
+        ]
+        main_plane = self._plane_map.current(track.main_plane)
+        for candidate in same_class:
+            if candidate.main_plane == main_plane:
+                return candidate
+        taken = {
+            self._plane_map.current(other.main_plane)
+            for other in self._tracks
+            if other is not track
+        }
+        rated = [
+            (box_overlap(track.item.box, candidate.geometry.box), candidate)
+            for candidate in same_class
+            if candidate.main_plane not in taken
+        ]
+        best = max(rated, key=lambda pair: pair[0], default=(0.0, None))
+        return best[1] if best[0] >= self._config.same_place_overlap else None
+
+    def _describe(
+        self, candidate: _Candidate, candidates: list[_Candidate], track: _Track | None
+    ) -> FurnitureItem:
+        furniture = self._furniture(candidate)
+        main = candidate.planes[0].region
+        seen_now = candidate.main_plane in self._plane_map.planes_seen_last
+        return FurnitureItem(
+            identifier="" if track is None else track.item.identifier,
+            class_name=candidate.hypothesis.class_name,
+            pose=candidate.geometry.pose,
+            box=candidate.geometry.box,
+            placing_area=(
+                None
+                if furniture.back_planes
+                else placing_box(main, candidate.geometry.pose.yaw_rad, self._config.hypotheses)
+            ),
+            score=candidate.score,
+            n_frames=candidate.n_frames,
+            n_direct=0 if track is None else track.n_direct,
+            planes=candidate.planes,
+            rules=candidate.hypothesis.rules,
+            alternatives=tuple(
+                other.hypothesis.class_name
+                for other in candidates
+                if other.main_plane == candidate.main_plane
+                and other.hypothesis.class_name != candidate.hypothesis.class_name
+            ),
+            first_seen_s=self._stamp_s if track is None else track.item.first_seen_s,
+            last_seen_s=(self._stamp_s if track is None or seen_now else track.item.last_seen_s),
+        )
+
+    def _report(self) -> list[FurnitureChange]:
+        changes: list[FurnitureChange] = []
+        kept: list[_Track] = []
+        for track in self._tracks:
+            lost = track.n_without > self._config.patience_frames or (
+                track.n_without > 0 and self._plane_map.current(track.main_plane) is None
+            )
+            if track.is_accepted and (lost or track.item.score < self._config.drop_score):
+                changes.append(FurnitureChange("disappeared", track.item))
+                continue
+            if lost:
+                continue  # it never was furniture
+            kept.append(track)
+            if not track.is_accepted and track.item.score >= self._config.accept_score:
+                track.is_accepted = True
+                track.item = replace(
+                    track.item, identifier=self._new_identifier(track.item.class_name)
+                )
+                track.reported = track.item
+                changes.append(FurnitureChange("appeared", track.item))
+            elif (
+                track.is_accepted
+                and track.reported is not None
+                and self._differs(track.reported, track.item)
+            ):
+                track.reported = track.item
+                changes.append(FurnitureChange("changed", track.item))
+        self._tracks = kept
+        return changes
+
+    def _new_identifier(self, class_name: str) -> str:
+        number = self._numbers.get(class_name, 0) + 1
+        self._numbers[class_name] = number
+        return f"{class_name[0].lower()}{class_name[1:]}{number}"
+
+    def _differs(self, old: FurnitureItem, new: FurnitureItem) -> bool:
+        """Whether a change is worth reporting."""
+        config = self._config
+        moved = math.dist(
+            (old.pose.x, old.pose.y, old.pose.z), (new.pose.x, new.pose.y, new.pose.z)
+        )
+        # A table turned by half a turn is the same table.
+        order = self._rules.rules.furniture[new.class_name].symmetry_order
+        turn = (new.pose.yaw_rad - old.pose.yaw_rad) * order
+        turned = abs(math.atan2(math.sin(turn), math.cos(turn))) / order
+        resized = float(np.abs(new.box.sizes - old.box.sizes).max())
+        return (
+            moved > config.moved_m
+            or turned > config.turned_rad
+            or resized > config.resized_m
+            or abs(new.score - old.score) > config.rescored
+        )
+
+
+def box_overlap(a: BoundingBox, b: BoundingBox) -> float:
+    """Common footprint of two upright boxes as a share of the smaller one."""
+    first, second = _box_footprint(a), _box_footprint(b)
+    smaller = min(first.area, second.area)
+    return float(first.intersection(second).area / smaller) if smaller > 1e-6 else 0.0
+
+
+def _box_footprint(box: BoundingBox) -> Polygon:
+    corners = box.corners()[[0, 2, 6, 4], :2]  # the bottom face, in order around it
+    return Polygon(corners)
+
+
+def _support(planes: tuple[FurniturePlane, ...]) -> int:
+    """Frames that saw the least seen kind of plane; of several for one label the best counts."""
+    best: dict[str, int] = {}
+    for plane in planes:
+        best[plane.label] = max(best.get(plane.label, 0), plane.n_frames)
+    return min(best.values())
+
+
+def _floor_plane(regions: list[PlanarRegion]) -> Plane | None:
+    """The floor with its slope: gravity a degree off is 5 cm at the other end of a room."""
+    floor = find_floor([level_surfaces(regions)])
+    if floor is None or floor.n_frames == 0:
+        return None
+    normal = np.array([-floor.slope_x, -floor.slope_y, 1.0])
+    normal /= np.linalg.norm(normal)
+    point = np.array([floor.anchor[0], floor.anchor[1], floor.height_m])
+    return Plane(normal, float(normal @ point))

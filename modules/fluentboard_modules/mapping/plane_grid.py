@@ -1,0 +1,415 @@
+"""One plane of the map, accumulated over frames on a grid of cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from shapely.affinity import affine_transform
+from shapely.geometry import MultiPolygon, Polygon
+
+from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.config import FusionConfig
+from fluentboard_modules.mapping.contours import tidy
+from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
+
+_MARGIN_CELLS = 16  # grown on every side when the grid is too small, so that it rarely is
+
+
+@dataclass(frozen=True, slots=True)
+class Visibility:
+    """How a frame saw the cells of a map plane.
+
+    Attributes:
+        seen: cells that the plane's own region covers.
+        seen_through: cells behind which the sensor measured something.
+        expected: cells in view and not hidden by something in front.
+    """
+
+    seen: int
+    seen_through: int
+    expected: int
+
+
+@dataclass(slots=True)
+class MapPlane:
+    """A planar surface of the room, as far as it has been seen.
+
+    The grid lies in a frame that is fixed when the plane is first seen. Per cell it counts frames
+    that saw the surface and frames that saw through it, so that outlines which drift with the poses
+    settle on what most frames agree on, and what is taken away disappears. The plane itself is a
+    running least-squares fit of all regions.
+
+    Attributes:
+        identifier: stable number of the plane in its map.
+        T_map_grid: grid frame to map frame; z is the first normal.
+        config: cell size and thresholds.
+        hits: `(h, w)`; frames that saw the surface in the cell.
+        misses: `(h, w)`; frames that saw through it.
+        corner: column and row number of the cell at `hits[0, 0]`.
+        moments: `(3, 3)`; sum of w (x, y, 1)(x, y, 1)^T over all cells ever hit, grid frame.
+        offsets: `(3,)`; sum of w z (x, y, 1).
+        square_sum_m2: sum of the regions' mean square residuals.
+        n_frames: frames that saw it.
+        n_missed: frames that should have seen it and saw through most of it, lately.
+        n_confirmed: frames that saw it, lately: both counts are halved together.
+        n_unnoticed: frames that had it in view but found no region there.
+        n_points: depth pixels over all frames.
+        last_seen: number of the update that last saw it.
+        sensor_position: `(3,)`; where the sensor last saw it from.
+    """
+
+    identifier: int
+    T_map_grid: Transform
+    config: FusionConfig
+    hits: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 0), np.int32))
+    misses: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 0), np.int32))
+    corner: tuple[int, int] = (0, 0)
+    moments: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    offsets: FloatArray = field(default_factory=lambda: np.zeros(3))
+    square_sum_m2: float = 0.0
+    n_frames: int = 0
+    n_missed: int = 0
+    n_confirmed: int = 0
+    n_unnoticed: int = 0
+    n_points: int = 0
+    last_seen: int = 0
+    sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
+    _region: PlanarRegion | None = None
+    _fit: FloatArray | None = None
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """`(h, w)`; the cells that most frames which could see them saw."""
+        share = self.config.solid_share
+        return (self.hits > 0) & (self.hits * (1.0 - share) >= self.misses * share)
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the solid cells."""
+        return float(np.count_nonzero(self.solid)) * self.config.cell_m**2
+
+    @property
+    def fit(self) -> FloatArray:
+        """`(3,)`; slopes a, b and height c of the plane z = a x + b y + c in the grid frame."""
+        if self._fit is None:
+            # The grid frame is the prior, worth one cell: a thin strip fixes no slope across.
+            prior = np.diag([1.0, 1.0, 1e-9]) * self.config.slope_prior_weight
+            self._fit = np.linalg.solve(self.moments + prior, self.offsets)
+        return self._fit
+
+    @property
+    def equation(self) -> FloatArray:
+        """`(4,)`; unit normal n and offset d of the plane n . p = d in the map frame."""
+        a, b, c = self.fit
+        normal = self.T_map_grid.rotation @ (-a, -b, 1.0)
+        normal /= np.sqrt(a * a + b * b + 1.0)
+        point = self.T_map_grid.rotation[:, 2] * c + self.T_map_grid.translation
+        return np.append(normal, normal @ point)
+
+    @property
+    def normal(self) -> FloatArray:
+        """`(3,)`; unit normal in the map frame."""
+        return self.equation[:3]
+
+    @property
+    def bounds(self) -> FloatArray:
+        """`(2, 3)`; lowest and highest corner, in the map frame, of the box around the grid."""
+        height, width = self.hits.shape
+        x = (np.array([0, width]) + self.corner[0]) * self.config.cell_m
+        y = (np.array([0, height]) + self.corner[1]) * self.config.cell_m
+        a, b, c = self.fit
+        corners = np.array([[u, v, a * u + b * v + c] for u in x for v in y])
+        corners_map = corners @ self.T_map_grid.rotation.T + self.T_map_grid.translation
+        return np.stack([corners_map.min(axis=0), corners_map.max(axis=0)])
+
+    def cells_of(self, region: PlanarRegion) -> NDArray[np.int32]:
+        """Column and row numbers `(n, 2)` of the cells a region covers, seen along the normal."""
+        cell = self.config.cell_m
+        rotation, translation = self.T_map_grid.rotation, self.T_map_grid.translation
+        rings = [(ring - translation) @ rotation for ring in region.rings_map()]
+        corners = np.concatenate(rings)[:, :2]
+        low = np.floor(corners.min(axis=0) / cell).astype(int)
+        size = np.floor(corners.max(axis=0) / cell).astype(int) - low + 1
+        image = np.zeros((int(size[1]), int(size[0])), np.uint8)
+        # Sixteenths of a cell; cell k spans [k, k + 1), so its centre is at k + 1/2.
+        pixels = [
+            np.round((ring[:, :2] / cell - low - 0.5) * 16.0).astype(np.int32) for ring in rings
+        ]
+        cv2.fillPoly(image, pixels, 1, lineType=cv2.LINE_8, shift=4)  # even-odd, so holes stay open
+        rows, columns = np.nonzero(image)
+        return np.column_stack([columns + low[0], rows + low[1]]).astype(np.int32)
+
+    def overlap(self, cells: NDArray[np.int32], reach: int) -> int:
+        """How many of the given cells lie within so many cells of the plane's solid ones."""
+        if self.hits.size == 0:
+            return 0
+        size = 2 * reach + 1
+        near = cv2.dilate(self.solid.astype(np.uint8), np.ones((size, size), np.uint8))
+        local = cells - self.corner
+        inside = (local >= 0).all(axis=1) & (local < (near.shape[1], near.shape[0])).all(axis=1)
+        local = local[inside]
+        return int(np.count_nonzero(near[local[:, 1], local[:, 0]]))
+
+    def add(
+        self, region: PlanarRegion, cells: NDArray[np.int32], weight: float, update: int
+    ) -> None:
+        """Takes in what one frame saw of the plane.
+
+        Args:
+            region: what was seen.
+            cells: the cells it covers, from `cells_of`.
+            weight: inverse variance of the region's position, 1/m^2.
+            update: running number of the frame.
+        """
+        self._make_room(cells)
+        local = cells - self.corner
+        self.hits[local[:, 1], local[:, 0]] += 1
+        x = (cells[:, 0] + 0.5) * self.config.cell_m
+        y = (cells[:, 1] + 0.5) * self.config.cell_m
+        rotation = self.T_map_grid.rotation
+        n = region.normal @ rotation
+        p = (region.centroid - self.T_map_grid.translation) @ rotation
+        z = p[2] - (n[0] * (x - p[0]) + n[1] * (y - p[1])) / n[2]
+        design = np.column_stack([x, y, np.ones_like(x)])
+        self.moments += weight * (design.T @ design)
+        self.offsets += weight * (design.T @ z)
+        self.square_sum_m2 += region.rms_m**2
+        self.n_points += region.n_points
+        if self.last_seen != update or self.n_frames == 0:
+            self.n_frames += 1
+            self.n_confirmed += 1
+        self.last_seen = update
+        self.sensor_position = region.sensor_position
+        self._region = self._fit = None
+
+    def absorb(self, other: MapPlane) -> None:
+        """Takes over everything another map plane knows about the same surface."""
+        T_grid_other = self.T_map_grid.inverse() @ other.T_map_grid
+        rows, columns = np.nonzero((other.hits > 0) | (other.misses > 0))
+        cell = self.config.cell_m
+        centres = np.column_stack(
+            [(columns + other.corner[0] + 0.5) * cell, (rows + other.corner[1] + 0.5) * cell]
+        )
+        a, b, c = other.fit
+        heights = centres @ (a, b) + c
+        points = T_grid_other.apply(np.column_stack([centres, heights]))
+        cells = np.floor(points[:, :2] / cell).astype(np.int32)
+        self._make_room(cells)
+        local = cells - self.corner
+        for mine, its in ((self.hits, other.hits), (self.misses, other.misses)):
+            total = np.zeros_like(mine)
+            # Rotated grids can put two cells into one: a frame still counts once.
+            np.maximum.at(total, (local[:, 1], local[:, 0]), its[rows, columns])
+            mine += total
+        share = float(np.trace(other.moments[2:, 2:])) / max(len(cells), 1)
+        design = np.column_stack([points[:, :2], np.ones(len(points))])
+        self.moments += share * (design.T @ design)
+        self.offsets += share * (design.T @ points[:, 2])
+        self.square_sum_m2 += other.square_sum_m2
+        self.n_frames = max(self.n_frames, other.n_frames)
+        self.n_missed = min(self.n_missed, other.n_missed)
+        self.n_confirmed = max(self.n_confirmed, other.n_confirmed)
+        self.n_unnoticed = min(self.n_unnoticed, other.n_unnoticed)
+        self.n_points += other.n_points
+        self.last_seen = max(self.last_seen, other.last_seen)
+        self._region = self._fit = None
+
+    def judge(self, view: Visibility) -> None:
+        """Counts a frame for or against the plane as a whole."""
+        solid = int(np.count_nonzero(self.solid))
+        if view.seen or view.expected < self.config.judged_share * solid:
+            return
+        if view.seen_through >= self.config.missed_share * view.expected:
+            self.n_missed += 1
+        else:
+            self.n_unnoticed += 1
+        if self.n_confirmed + self.n_missed > self.config.memory_frames:
+            self.n_confirmed = (self.n_confirmed + 1) // 2
+            self.n_missed //= 2
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether too few of the views that should have shown it did."""
+        doubts = self.n_missed + self.n_unnoticed
+        return doubts >= self.config.forget_least_views and (
+            doubts > self.config.forget_ratio * self.n_frames
+        )
+
+    @property
+    def existence(self) -> float:
+        """Share of the recent views that saw it, of those that saw it or saw through it."""
+        return self.n_confirmed / max(self.n_confirmed + self.n_missed, 1)
+
+    def look(
+        self,
+        frame: SensorFrame,
+        T_sensor_map: Transform,
+        tolerance_m: float,
+        seen: NDArray[np.int32] | None,
+    ) -> Visibility:
+        """Compares the plane with a depth image and counts cells that were seen through.
+
+        Args:
+            frame: what the sensor measured.
+            T_sensor_map: where it was.
+            tolerance_m: how far behind the plane a measurement must be to prove it absent.
+            seen: cells that this frame's own regions hit; these are not judged again.
+        """
+        rows, columns = np.nonzero(self.hits > 0)
+        if rows.size == 0:
+            return Visibility(0, 0, 0)
+        cell = self.config.cell_m
+        x, y = (columns + self.corner[0] + 0.5) * cell, (rows + self.corner[1] + 0.5) * cell
+        a, b, c = self.fit
+        points = np.column_stack([x, y, a * x + b * y + c])
+        T_sensor_grid = T_sensor_map @ self.T_map_grid
+        in_camera = T_sensor_grid.apply(points)
+        depth = in_camera[:, 2]
+        ahead = depth > 0.3
+        pixel = np.zeros((len(points), 2), dtype=int)
+        pixel[ahead] = np.round(frame.camera.project(in_camera[ahead])).astype(int)
+        ahead &= (pixel >= 0).all(axis=1)
+        ahead &= (pixel < (frame.camera.width, frame.camera.height)).all(axis=1)
+        measured = np.zeros(len(points))
+        measured[ahead] = frame.depth_m[pixel[ahead, 1], pixel[ahead, 0]]
+        known = measured > 0.0
+        # Perpendicular distance of the measured point behind the plane, as the sensor sees it:
+        # along the ray it is (measured - depth), and the ray meets the plane at an angle.
+        normal = T_sensor_grid.rotate(np.array([-a, -b, 1.0]) / np.sqrt(1.0 + a * a + b * b))
+        behind = np.zeros(len(points))
+        sides = np.abs(in_camera[known] @ normal) / np.maximum(depth[known], 1e-6)
+        behind[known] = (measured[known] - depth[known]) * sides
+        through = known & (behind > tolerance_m)
+        hidden = known & (behind < -tolerance_m)
+        hit = np.zeros_like(self.hits, dtype=np.bool_)
+        if seen is not None and len(seen):
+            local = seen - self.corner
+            hit[local[:, 1], local[:, 0]] = True
+        is_hit = hit[rows, columns]
+        through &= ~is_hit
+        self.misses[rows[through], columns[through]] += 1
+        if through.any():
+            self._region = None
+        old = self.hits + self.misses > self.config.memory_frames
+        if old.any():
+            self.hits[old] = (self.hits[old] + 1) // 2
+            self.misses[old] //= 2
+        solid = self.solid[rows, columns]
+        return Visibility(
+            seen=int(np.count_nonzero(is_hit & solid)),
+            seen_through=int(np.count_nonzero(through & solid)),
+            expected=int(np.count_nonzero((is_hit | (known & ~hidden)) & solid)),
+        )
+
+    def region(self, index: int) -> PlanarRegion | None:
+        """The plane as a region in the map frame, None if no cell of it is left."""
+        if self._region is None:
+            self._region = self._make_region()
+        if self._region is None or self._region.index == index:
+            return self._region
+        r = self._region
+        self._region = PlanarRegion(
+            index, r.T_map_region, r.contour, r.n_points, r.rms_m, False, r.sensor_position
+        )
+        return self._region
+
+    def _make_region(self) -> PlanarRegion | None:
+        solid = self._cleaned()
+        contour = _outline(solid, self.corner, self.config.cell_m)
+        contour = tidy(contour, self.config.contours)
+        if contour.is_empty:
+            return None
+        a, b, c = self.fit
+        normal = self.normal
+        rows, columns = np.nonzero(solid)
+        cell = self.config.cell_m
+        spread = np.column_stack([columns, rows]) * cell
+        direction = None
+        if abs(normal[2]) > np.cos(np.deg2rad(20.0)):
+            covariance = np.cov(spread.T) if len(spread) > 2 else np.eye(2)
+            longest = np.linalg.eigh(covariance)[1][:, 1]
+            direction = self.T_map_grid.rotate(np.array([longest[0], longest[1], 0.0]))
+            direction *= 1.0 if direction[np.argmax(np.abs(direction))] > 0.0 else -1.0
+        axes = upright_axes(normal, direction)
+        centre = contour.centroid
+        origin = np.array([centre.x, centre.y, a * centre.x + b * centre.y + c])
+        T_map_region = Transform.from_parts(axes, self.T_map_grid.apply(origin))
+        # The grid's slope against the fitted plane is a few degrees at most: lengths keep to 0.2 %.
+        r = (T_map_region.inverse() @ self.T_map_grid).rotation
+        contour = affine_transform(
+            contour,
+            [
+                r[0, 0],
+                r[0, 1],
+                r[1, 0],
+                r[1, 1],
+                -float(r[0, :2] @ (centre.x, centre.y)),
+                -float(r[1, :2] @ (centre.x, centre.y)),
+            ],
+        )
+        return PlanarRegion(
+            index=-1,
+            T_map_region=T_map_region,
+            contour=as_multipolygon(contour),
+            n_points=self.n_points,
+            rms_m=float(np.sqrt(self.square_sum_m2 / max(self.n_frames, 1))),
+            sensor_position=self.sensor_position,
+        )
+
+    def _cleaned(self) -> NDArray[np.bool_]:
+        """Solid cells without the fringe that only a stray frame saw, gaps of a cell closed."""
+        best = int(self.hits.max(initial=0))
+        least = max(
+            1, int(np.ceil(self.config.fringe_share * min(best, self.config.fringe_frames)))
+        )
+        solid = (self.solid & (self.hits >= least)).astype(np.uint8)
+        padded = np.pad(solid, 2)
+        closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        return closed[2:-2, 2:-2].astype(np.bool_)
+
+    def _make_room(self, cells: NDArray[np.int32]) -> None:
+        """Grows the arrays so that the given cells lie inside."""
+        low, high = cells.min(axis=0), cells.max(axis=0) + 1
+        old_low = np.array(self.corner)
+        old_high = old_low + self.hits.shape[::-1]
+        if self.hits.size and (low >= old_low).all() and (high <= old_high).all():
+            return
+        if self.hits.size:
+            low, high = np.minimum(low, old_low), np.maximum(high, old_high)
+        low, high = low - _MARGIN_CELLS, high + _MARGIN_CELLS
+        shape = (int(high[1] - low[1]), int(high[0] - low[0]))
+        for name in ("hits", "misses"):
+            old = getattr(self, name)
+            new = np.zeros(shape, np.int32)
+            if old.size:
+                column, row = old_low - low
+                new[row : row + old.shape[0], column : column + old.shape[1]] = old
+            setattr(self, name, new)
+        self.corner = (int(low[0]), int(low[1]))
+
+
+def _outline(solid: NDArray[np.bool_], corner: tuple[int, int], cell_m: float) -> MultiPolygon:
+    """The boundary of a set of cells, along the cells' edges."""
+    # Four pixels per cell: outlines run through pixel centres, an eighth of a cell inside the edge.
+    bold = np.pad(solid, 1).repeat(4, axis=0).repeat(4, axis=1).astype(np.uint8)
+    rings, hierarchy = cv2.findContours(bold, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    if hierarchy is None:
+        return MultiPolygon()
+    scaled = [
+        ((ring[:, 0, :].astype(np.float64) + 0.5) / 4.0 - 1.0 + corner) * cell_m for ring in rings
+    ]
+    parts: list[Polygon] = []
+    for ring, (_, _, _, parent) in enumerate(hierarchy[0]):
+        if parent >= 0 or len(scaled[ring]) < 3:
+            continue
+        holes = [
+            scaled[child]
+            for child, (_, _, _, its_parent) in enumerate(hierarchy[0])
+            if its_parent == ring and len(scaled[child]) >= 3
+        ]
+        parts.append(Polygon(scaled[ring], holes))
+    return MultiPolygon(parts)
