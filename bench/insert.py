@@ -60,7 +60,9 @@ def _measure(title: str, batch: int, count: int, target: str) -> Report:
         return time.perf_counter() - begin
 
     def ours() -> float:
-        return timed([partial(board.execute, commands, "bench") for commands in batches()])
+        writes = [partial(board.execute, commands, "bench") for commands in batches()]
+        # A query waits until the RDF store has everything written before.
+        return timed([*writes, partial(board.query, "ASK {}")])
 
     def load() -> float:
         return timed([partial(raw.load, text, format=ox.RdfFormat.N_TRIPLES) for text in texts()])
