@@ -210,6 +210,7 @@ class _Writer:
         self._stop = stop
         self._run = uuid.uuid4().hex
         self._batches = 0
+        self._warned: set[str] = set()
         self.commands = 0
         self.commit = 0
 
@@ -252,7 +253,9 @@ class _Writer:
                 wait_s = min(2.0 * wait_s, _LONGEST_WAIT_S)
                 continue
             for warning in receipt.warnings:
-                logger.warning("%s", warning)
+                if warning not in self._warned:  # the same for every batch, so once is enough
+                    self._warned.add(warning)
+                    logger.warning("%s", warning)
             self.commands += len(commands)
             self.commit = receipt.commit
             return
