@@ -2,8 +2,8 @@
 
 A fluent holds from an actual start s to an actual finish f. Known is only that s lies in [s1, s2],
 that f lies in [f1, f2], and that s <= f. A statement about fluents is CERTAIN if every admissible
-choice of the actual end points satisfies it, POSSIBLE if some does, and IMPOSSIBLE if none does. End
-points of different fluents are chosen independently of each other.
+choice of the actual end points satisfies it, POSSIBLE if some does, and IMPOSSIBLE if none does.
+End points of different fluents are chosen independently of each other.
 
 End points are extended real numbers: "since ever" is -inf and "until further notice" is inf, as
 `Fluent.start_bounds` and `Fluent.finish_bounds` have it. So two open fluents finish together, and a
@@ -265,7 +265,7 @@ def related(
     Returns:
         `(n,)`.
     """
-    count = bounds.shape[1]
+    count = len(bounds[0])
     low: list[FloatArray] = [bounds[0], bounds[2], *np.array([[other[0]], [other[2]]])]
     high: list[FloatArray] = [bounds[1], bounds[3], *np.array([[other[1]], [other[3]]])]
 
