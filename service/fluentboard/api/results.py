@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import threading
 from collections.abc import AsyncIterator
@@ -22,8 +23,8 @@ class Stopped(Exception):
 class RowCounter:
     """Counts the rows in a serialised result while it is written.
 
-    Counting the text costs a fraction of looking at every solution in Python. The marks cannot
-    occur inside a value: each has a character that the format escapes there.
+    Counting in the text costs a fraction of looking at every solution in Python. What is counted
+    cannot occur inside a value, where the format escapes a part of it.
 
     Args:
         form: format of the result.
@@ -31,7 +32,7 @@ class RowCounter:
 
     def __init__(self, form: QueryResultsFormat | RdfFormat) -> None:
         # In a graph nothing marks a triple; its length is limited in bytes.
-        self._mark, self.rows = _MARKS.get(form, (b"", 0))
+        self._mark, self._mark_bytes, self.rows = _MARKS.get(form, (None, 0, 0))
         self._is_csv = form == QueryResultsFormat.CSV
         self._tail = b""
         self._quoted = False
@@ -46,19 +47,21 @@ class RowCounter:
                 if not self._quoted:
                     self.rows += part.count(b"\n")
             return
-        if not self._mark:
+        if self._mark is None:
             return
-        self.rows += (self._tail + text).count(self._mark)
-        kept = len(self._mark) - 1
-        self._tail = (self._tail + text)[-kept:] if kept else b""
+        text = self._tail + text
+        self.rows += len(self._mark.findall(text))
+        kept = self._mark_bytes - 1
+        self._tail = text[-kept:] if kept else b""
 
 
-# What stands between or before rows, and how many rows there are before the first mark.
-_MARKS: dict[QueryResultsFormat | RdfFormat, tuple[bytes, int]] = {
-    QueryResultsFormat.JSON: (b'}},{"', 1),
-    QueryResultsFormat.XML: (b"<result>", 0),
-    QueryResultsFormat.TSV: (b"\n", -1),
-    QueryResultsFormat.CSV: (b"\n", -1),
+# What stands between or before rows, its length, and how many rows there are before the first one.
+# In JSON a value may end in }},{ before its closing quote, but a bracket or comma follows that.
+_MARKS: dict[QueryResultsFormat | RdfFormat, tuple[re.Pattern[bytes], int, int]] = {
+    QueryResultsFormat.JSON: (re.compile(rb'\}\},\{"[^},]'), 7, 1),
+    QueryResultsFormat.XML: (re.compile(rb"<result>"), 8, 0),
+    QueryResultsFormat.TSV: (re.compile(rb"\n"), 1, -1),
+    QueryResultsFormat.CSV: (re.compile(rb"\n"), 1, -1),
 }
 
 
