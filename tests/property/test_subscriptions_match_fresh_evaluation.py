@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import pytest
@@ -64,7 +64,7 @@ QUERIES = {
     "constant subject, named properties": "SELECT ?t { fluent:Mug0 upper:onTop ?t ; a ?c }",
     "anything about": "SELECT ?x ?p { ?x ?p fluent:Table1 }",
     "everything": "SELECT ?p (COUNT(*) AS ?n) { ?s ?p ?o } GROUP BY ?p",
-    "class closure by path": "SELECT ?x { ?x rdf:type/rdfs:subClassOf* race:Tableware }",
+    "class closure by path": "SELECT ?x { ?x rdf:type/rdfs:subClassOf* race:Kitchenware }",
     "class closure, subject property": (
         "SELECT ?x ?c { ?x a ?c ; upper:onTop ?t . ?c rdfs:subClassOf+ upper:PhysicalEntity }"
     ),
@@ -141,7 +141,7 @@ ONTOLOGIES = (
        @prefix race: <https://w3id.org/fluentboard/race#> .
        @prefix upper: <https://w3id.org/fluentboard/upper#> .
        @prefix furniture: <https://w3id.org/fluentboard/furniture#> .
-       race:Goblet a owl:Class ; rdfs:subClassOf race:Tableware .
+       race:Goblet a owl:Class ; rdfs:subClassOf race:Kitchenware .
        furniture:Table rdfs:subClassOf upper:Area .""",
 )
 
@@ -245,9 +245,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @contextlib.contextmanager
-def witnessed(folder: Path) -> Iterator[tuple[Witness, SubscriptionRegistry]]:
+def witnessed(folder: Path, first_tier: int) -> Generator[tuple[Witness, SubscriptionRegistry]]:
     witness = Witness(folder)
-    registry = SubscriptionRegistry(witness.board, SubscriptionSettings(reevaluation_share=1.0))
+    registry = SubscriptionRegistry(
+        witness.board, SubscriptionSettings(reevaluation_share=1.0, first_tier=first_tier)
+    )
     try:
         yield witness, registry
     finally:
@@ -256,11 +258,15 @@ def witnessed(folder: Path) -> Iterator[tuple[Witness, SubscriptionRegistry]]:
 
 
 @settings(max_examples=25, phases=(Phase.explicit, Phase.generate))
-@given(before=st.lists(_step, max_size=3), after=st.lists(_step, min_size=1, max_size=8))
+@given(
+    first_tier=st.sampled_from([1, 2, 3, 4]),
+    before=st.lists(_step, max_size=3),
+    after=st.lists(_step, min_size=1, max_size=8),
+)
 def test_snapshot_and_deltas_lead_to_the_fresh_result(
-    folder: Path, before: list[Step], after: list[Step]
+    folder: Path, first_tier: int, before: list[Step], after: list[Step]
 ) -> None:
-    with witnessed(folder) as (witness, registry):
+    with witnessed(folder, first_tier) as (witness, registry):
         for step, _ in before:
             witness.perform(step)
         opened = {name: registry.open(text, "both") for name, text in QUERIES.items()}

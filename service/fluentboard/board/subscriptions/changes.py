@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+import pyoxigraph as ox
+
 from fluentboard.board.events import Commit, FluentEvent
 from fluentboard.board.triples import event_lines, fluent_lines
 from fluentboard.board.vocabulary import Statement, Vocabulary
@@ -36,6 +38,17 @@ class EventChange:
         return [statement_of(line) for line in (*added, *removed)]
 
     @cached_property
+    def after_quads(self) -> list[ox.Quad]:
+        """All that the board says of the fluent after the event."""
+        return _quads(fluent_lines(self.event.after, self.vocabulary))
+
+    @cached_property
+    def before_quads(self) -> list[ox.Quad]:
+        """All that the board said of the fluent before the event."""
+        before = self.event.before
+        return [] if before is None else _quads(fluent_lines(before, self.vocabulary))
+
+    @cached_property
     def after(self) -> list[Statement]:
         """All that the board says of the fluent after the event."""
         return [statement_of(line) for line in fluent_lines(self.event.after, self.vocabulary)]
@@ -46,6 +59,10 @@ class EventChange:
         if self.event.before is None:
             return []
         return [statement_of(line) for line in fluent_lines(self.event.before, self.vocabulary)]
+
+
+def _quads(lines: list[str]) -> list[ox.Quad]:
+    return list(ox.parse("".join(lines), format=ox.RdfFormat.N_TRIPLES))
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, evaluate
 from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
 from fluentboard.board.subscriptions.router import Router
+from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
-from fluentboard.board.subscriptions.standing import Names, StandingQuery, net
+from fluentboard.board.subscriptions.standing import Names, Plan, StandingQuery, net
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.errors import FluentboardError
 
@@ -47,7 +48,7 @@ class Evaluator:
         self._arrive = arrive
         self._router = Router()
         self._stale: dict[StandingQuery, None] = {}
-        self._vocabulary = board.vocabulary
+        self._schema = Schema(board.vocabulary)
         self.routed = 0
         self._ontology_routed = 0
 
@@ -64,8 +65,8 @@ class Evaluator:
         if commit.number <= self.routed:
             return
         if any(change.ontology for change in commit.statements):
-            self._vocabulary = self._board.vocabulary
-        change = CommitChange(commit, self._vocabulary)
+            self._schema = Schema(self._board.vocabulary)
+        change = CommitChange(commit, self._schema.vocabulary)
         concerned = self._router.concerned(change)
         for standing in concerned.touched:
             self._stale[standing] = None
@@ -95,8 +96,9 @@ class Evaluator:
         if standing is None:
             if not len(self._router):
                 # Nothing was routed while there was no query.
-                self._vocabulary = self._board.vocabulary
-            standing = StandingQuery(query, plan(query, self._vocabulary), self._settings)
+                self._schema = Schema(self._board.vocabulary)
+            chosen = self._plan(query)
+            standing = StandingQuery(query, chosen, self._schema, self._settings)
             if not self._start(standing, subscription):
                 return
         if since is not None and since > standing.exact_at(self.routed):
@@ -157,35 +159,43 @@ class Evaluator:
         self._router.add(standing)
         self._stale[standing] = None
         try:
-            commit, bag = self._evaluate(standing, is_only=is_only)
+            commit, chosen, bag = self._evaluate(standing, is_only=is_only)
         except FluentboardError as problem:
             self._forget(standing)
             subscription.put(Failed(problem))
             return False
-        standing.start(commit, bag)
+        self._router.remove(standing)
+        standing.start(commit, chosen, bag)
+        self._router.add(standing)
         self._resume(standing, commit)
         return True
 
     def _reevaluate(self, standing: StandingQuery) -> None:
         try:
-            commit, bag = self._evaluate(standing)
+            commit, chosen, bag = self._evaluate(standing)
         except FluentboardError as problem:
             logger.warning("a standing query failed and is given up: %s", problem)
             self._fail(standing, problem)
             return
         covered = [change for change in standing.pending if change.number <= commit]
         if covered:
-            if any(change.touches_everything for change in covered):
-                self._plan_anew(standing)
-            self._tell(standing, *standing.replace(covered, bag))
+            self._router.remove(standing)
+            outcome = standing.replace(covered, chosen, bag)
+            self._router.add(standing)
+            self._tell(standing, *outcome)
         self._resume(standing, commit)
 
-    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Bag]:
-        """The present result and its commit, with all commits up to that one routed."""
+    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Plan, Bag]:
+        """The present support and its commit, with all commits up to that one routed."""
         try:
             while True:
-                routed = self.routed
-                commit, bag = evaluate(self._board, standing.query)
+                routed, schema = self.routed, self._schema
+                chosen = standing.plan
+                if standing.schema is not schema:
+                    chosen = self._plan(standing.query)
+                commit, bag = evaluate(
+                    self._board, chosen.view, relabel=standing.query.makes_blank_nodes
+                )
                 if is_only:
                     # No query needs the commits before.
                     self.routed = max(self.routed, commit)
@@ -197,13 +207,17 @@ class Evaluator:
                 # An ontology is applied in several steps, which a query may fall between. All of
                 # them are done when the commit is told of, so then it is asked again.
                 if self._ontology_routed <= routed:
-                    return commit, bag
+                    standing.schema = schema
+                    return commit, chosen, bag
         except FluentboardError:
             raise
         except Exception as problem:
             # One query must not stop the others, whatever is wrong with it.
             logger.exception("a standing query could not be evaluated: %s", standing.query.text)
             raise FluentboardError(f"the query could not be evaluated: {problem}") from problem
+
+    def _plan(self, query: ParsedQuery) -> Plan:
+        return plan(query, self._schema, self._settings.first_tier)
 
     def _resume(self, standing: StandingQuery, commit: int) -> None:
         """Goes on after a full evaluation that is exact at a commit."""
@@ -251,11 +265,6 @@ class Evaluator:
         if since > standing.exact_at(self.routed):
             return None
         return standing.missed_after(since, events=events)
-
-    def _plan_anew(self, standing: StandingQuery) -> None:
-        self._router.remove(standing)
-        standing.plan = plan(standing.query, self._vocabulary)
-        self._router.add(standing)
 
     def _fail(self, standing: StandingQuery, problem: FluentboardError) -> None:
         self._forget(standing)

@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
+import contextlib
+
+from fluentboard.board.subscriptions.bind_changed import bound_evaluation
+from fluentboard.board.subscriptions.partition import NotASum
+from fluentboard.board.subscriptions.patterns import Select, select_of
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Reevaluation
+from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.standing import Plan
-from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.board.subscriptions.stars import Star, star
+from fluentboard.board.subscriptions.syntax_tree import tree_of
 
 
-def plan(query: ParsedQuery, vocabulary: Vocabulary) -> Plan:
-    """The plan for a query; it holds until an ontology changes."""
-    del vocabulary
-    return Reevaluation("only full re-evaluation is sound for every query")
+def plan(query: ParsedQuery, schema: Schema, first_tier: int = 1) -> Plan:
+    """The plan for a query; it holds until an ontology changes.
+
+    Args:
+        query: the query.
+        schema: the class hierarchy.
+        first_tier: tiers below this one are not considered.
+    """
+    if first_tier == Reevaluation.tier:
+        return Reevaluation(query, "the settings ask for full re-evaluation")
+    if query.tree is None:
+        return Reevaluation(query, query.footprint.why_everything)
+    select = _pattern_of(query, schema)
+    if first_tier <= Star.tier:
+        with contextlib.suppress(NotASum):
+            return star(query, select, schema)
+    try:
+        return bound_evaluation(query, select, schema)
+    except NotASum as reason:
+        return Reevaluation(query, f"no cheaper tier is sound: {reason}")
 
 
 def explanation(query: ParsedQuery, chosen: Plan) -> str:
     """Which tier a query has, and why, for people."""
-    if query.footprint.is_everything:
-        touched = f"every commit, because {query.footprint.why_everything}"
+    if not isinstance(chosen, Reevaluation):
+        concerned = f"events of fluents that have one of {len(chosen.keys)} keys"
+    elif query.footprint.is_everything:
+        concerned = f"every commit, because {query.footprint.why_everything}"
     else:
-        touched = f"commits that touch one of {len(query.footprint.shapes)} shapes of statements"
-    return f"tier {chosen.tier}: {chosen.reason}; concerned by {touched}"
+        concerned = f"commits that touch one of {len(query.footprint.shapes)} shapes of statements"
+    return f"tier {chosen.tier}: {chosen.reason}; concerned by {concerned}"
+
+
+def _pattern_of(query: ParsedQuery, schema: Schema) -> Select:
+    """The query's pattern over the materialised class hierarchy."""
+    rewritten = schema.rewritten(query.text)
+    return select_of(query.tree if rewritten == query.text else tree_of(rewritten))

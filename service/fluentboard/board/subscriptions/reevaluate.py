@@ -14,6 +14,7 @@ from fluentboard.board.events import Commit
 from fluentboard.board.store import QueryResults
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.results import Bag, bag_of
+from fluentboard.board.subscriptions.view import View
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.errors import InvalidQuery
 
@@ -49,21 +50,28 @@ class Reevaluation:
     """The tier of queries that are evaluated again as a whole.
 
     Attributes:
+        query: the query.
         reason: why no cheaper tier is sound for the query.
     """
 
+    query: ParsedQuery
     reason: str
     tier: ClassVar[int] = 4
 
+    @property
+    def view(self) -> View:
+        """The result is what the store answers."""
+        return View(self.query.text, self.query.variables, "bag")
 
-def evaluate(board: Board, query: ParsedQuery) -> tuple[int, Bag]:
-    """The present result of a query, and the commit it is exact at.
+
+def evaluate(board: Board, view: View, *, relabel: bool) -> tuple[int, Bag]:
+    """The present support of a result, and the commit it is exact at.
 
     Raises:
         InvalidQuery: the store cannot evaluate it, for example for an unknown function.
     """
     try:
-        commit, results = board.snapshot_query(query.text)
-        return commit, bag_of(results, relabel=query.makes_blank_nodes)
+        commit, results = board.snapshot_query(view.text)
+        return commit, view.support(bag_of(results, relabel=relabel))
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None

@@ -14,6 +14,7 @@ from fluentboard.board.subscriptions.messages import Mode
 from fluentboard.board.subscriptions.planner import explanation, plan
 from fluentboard.board.subscriptions.query import ParsedQuery, parse
 from fluentboard.board.subscriptions.reevaluate import Board
+from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
 from fluentboard.errors import InvalidInput
@@ -51,6 +52,7 @@ class SubscriptionRegistry:
         self._board = board
         self._settings = settings or SubscriptionSettings()
         self._evaluator = Evaluator(board, self._settings, self._arrive)
+        self._schema = Schema(board.vocabulary)
         self._parsed: dict[str, ParsedQuery] = {}
         self._subscriptions: dict[Subscription, None] = {}
         self._state = threading.Condition()
@@ -92,7 +94,7 @@ class SubscriptionRegistry:
         parsed = self._parse(query)
         subscription = Subscription(
             SubscriptionRequest(query, mode, since),
-            explanation(parsed, plan(parsed, self._board.vocabulary)),
+            self._explain(parsed),
             self._settings,
             on_ready=on_ready,
             on_drained=self._on_drained,
@@ -115,8 +117,7 @@ class SubscriptionRegistry:
         Raises:
             InvalidQuery: the query does not parse, or cannot be subscribed to.
         """
-        parsed = self._parse(query)
-        return explanation(parsed, plan(parsed, self._board.vocabulary))
+        return self._explain(self._parse(query))
 
     def subscriptions(self) -> list[Subscription]:
         """All open subscriptions, oldest first."""
@@ -147,6 +148,12 @@ class SubscriptionRegistry:
         self._thread.join()
         for subscription in open_ones:
             subscription.close()
+
+    def _explain(self, parsed: ParsedQuery) -> str:
+        vocabulary = self._board.vocabulary
+        if self._schema.vocabulary is not vocabulary:
+            self._schema = Schema(vocabulary)
+        return explanation(parsed, plan(parsed, self._schema, self._settings.first_tier))
 
     def _parse(self, query: str) -> ParsedQuery:
         parsed = self._parsed.get(query)

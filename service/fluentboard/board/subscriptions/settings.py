@@ -38,6 +38,12 @@ class SubscriptionSettings(BaseModel):
         ge=0,
         description="journal commits read at most to resume a query that does not live any more",
     )
+    first_tier: int = Field(
+        default=1,
+        ge=1,
+        le=4,
+        description="cheapest evaluation tier to use; 4 evaluates every query again as a whole",
+    )
     reevaluation_share: float = Field(
         default=0.5,
         gt=0.0,

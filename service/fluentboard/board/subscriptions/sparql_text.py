@@ -49,3 +49,31 @@ def has_escapes(query: str) -> bool:
     return "\\" in blanked(query) or any(
         "\\" in match.group() for match in _OPAQUE.finditer(query) if match.lastgroup == "iri"
     )
+
+
+def without_distinct(query: str) -> str:
+    """A SELECT DISTINCT query as a plain SELECT."""
+    match = re.search(r"(?i)(?<![\w:?$.-])select\s+(distinct)(?![\w:-])", blanked(query))
+    if match is None:
+        return query
+    return query[: match.start(1)] + query[match.end(1) :]
+
+
+def as_select_all(query: str) -> str | None:
+    """An ASK or CONSTRUCT query as `SELECT *` of its pattern, or None if it has no clear form."""
+    plain = blanked(query)
+    form = _FORM.search(plain)
+    if form is None:
+        return None
+    rest = form.end()
+    if form.group(1).lower() == "construct" and plain[rest:].lstrip().startswith("{"):
+        opening = plain.index("{", rest)
+        depth = 0
+        for position in range(opening, len(plain)):
+            depth += {"{": 1, "}": -1}.get(plain[position], 0)
+            if depth == 0:
+                rest = position + 1
+                break
+        else:
+            return None
+    return query[: form.start()] + "SELECT *" + query[rest:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from fluentboard.board.events import FluentEvent
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
@@ -21,9 +21,11 @@ from fluentboard.board.subscriptions.results import (
     difference,
     fluents_in,
 )
+from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.board.subscriptions.touch_index import matches
+from fluentboard.board.subscriptions.view import View
 
 
 class Incremental(Protocol):
@@ -32,14 +34,16 @@ class Incremental(Protocol):
     An ontology makes the planner choose anew, so an instance lives with one vocabulary.
     """
 
-    @property
-    def tier(self) -> int:
-        """Number of the tier."""
-        ...
+    tier: ClassVar[int]
 
     @property
     def reason(self) -> str:
         """Why the tier is sound for the query."""
+        ...
+
+    @property
+    def view(self) -> View:
+        """How the result follows from the support that `difference` speaks of."""
         ...
 
     @property
@@ -48,7 +52,7 @@ class Incremental(Protocol):
         ...
 
     def difference(self, change: EventChange) -> Difference:
-        """How the event changes the result."""
+        """How the event changes the support of the result."""
         ...
 
 
@@ -69,15 +73,20 @@ class StandingQuery:
     Attributes:
         query: the query.
         plan: how it is evaluated.
-        bag: the result, exact at every commit up to the first of `pending`.
+        schema: the class hierarchy that the plan was made with.
+        bag: the support of the result (see view.py), exact at every commit up to the first of
+            `pending`.
         pending: commits that may have changed the result since, not evaluated yet.
         subscribers: who is told, in the order they came.
         idle_since_s: when the last subscriber left, on the monotonic clock.
     """
 
-    def __init__(self, query: ParsedQuery, plan: Plan, settings: SubscriptionSettings) -> None:
+    def __init__(
+        self, query: ParsedQuery, plan: Plan, schema: Schema, settings: SubscriptionSettings
+    ) -> None:
         self.query = query
         self.plan = plan
+        self.schema = schema
         self.bag: Bag = {}
         self.pending: list[CommitChange] = []
         self.subscribers: dict[Subscription, None] = {}
@@ -101,8 +110,9 @@ class StandingQuery:
         """Fluents in the result; empty unless `tells_events`."""
         return () if self._names is None else self._names.keys()
 
-    def start(self, commit: int, bag: Bag) -> None:
-        """Sets the first result."""
+    def start(self, commit: int, plan: Plan, bag: Bag) -> None:
+        """Sets the first support."""
+        self.plan = plan
         self.bag = bag
         self._ring_start = commit
 
@@ -125,23 +135,26 @@ class StandingQuery:
     def answer(self) -> Answer:
         """The present result, copied so that it stays as it is."""
         if self._answer is None:
-            self._answer = Answer(self.query.form, self.query.variables, dict(self.bag))
+            result = dict(self.plan.view.result(self.bag))
+            self._answer = Answer(self.query.form, self.query.variables, result)
         return self._answer
 
-    def replace(self, covered: Sequence[CommitChange], bag: Bag) -> tuple[Change | None, Names]:
-        """Takes over a fresh result that covers some commits."""
-        change = difference(self.bag, bag)
-        if change:
-            self.bag = bag
+    def replace(
+        self, covered: Sequence[CommitChange], plan: Plan, bag: Bag
+    ) -> tuple[Change | None, Names]:
+        """Takes over a fresh support, and perhaps a new plan, that covers some commits."""
+        change = difference(self.plan.view.result(self.bag), plan.view.result(bag))
+        self.plan = plan
+        self.bag = bag
         return self._changed(covered, change)
 
     def apply(
         self, covered: Sequence[CommitChange], change: Difference
     ) -> tuple[Change | None, Names] | None:
-        """Takes over a difference; None if it does not fit the result, which stays as it was."""
+        """Takes over a difference of the support; None if it does not fit, then nothing changes."""
         if not apply(self.bag, change):
             return None
-        return self._changed(covered, change)
+        return self._changed(covered, self.plan.view.difference(change, self.bag))
 
     def missed_after(self, since: int, *, events: bool) -> list[Change] | None:
         """The deltas after a commit, or None if they are not all known any more."""
@@ -178,15 +191,16 @@ class StandingQuery:
         gone: set[str] = set()
         if self._names is None:
             return Names(come, gone)
+        is_set = self.plan.view.kind == "set"
         for solution in change.removed:
-            if solution not in self.bag:
+            if is_set or solution not in self.bag:
                 for name in set(fluents_in(solution)):
                     self._names[name] -= 1
                     if not self._names[name]:
                         del self._names[name]
                         gone.add(name)
         for solution, count in change.added.items():
-            if self.bag[solution] == count:
+            if is_set or self.bag.get(solution) == count:
                 for name in set(fluents_in(solution)):
                     if not self._names[name]:
                         come.add(name)
