@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pyoxigraph as ox
 
 from fluentboard.board.class_closure import use_class_closure
@@ -20,12 +21,12 @@ from fluentboard.board.commands import (
     name_of,
 )
 from fluentboard.board.events import Commit
-from fluentboard.board.intervals import FluentFilter, IntervalIndex, passes
+from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.board.journal import Durability, SqliteJournal
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.store import EmbeddedStore, QueryResults
-from fluentboard.board.triples import fluent_iri, fluent_name, term
+from fluentboard.board.triples import fluent_name, is_written, terms_written
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
@@ -34,6 +35,10 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
+
+
+_ROWS_AT_ONCE = 1_000
+_CANDIDATES_MAX = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,53 +218,51 @@ class Blackboard:
         Raises:
             UnknownClass: the filter names a class that no ontology declares.
         """
-        rows = self._matching_rows(wanted)
-        found: list[Fluent] = []
         index = self._projections.index
-        for row in rows:
-            if row < after:
-                continue
-            if len(found) == limit:
-                return Page(tuple(found), row)
-            fluent = self.fluent(index.name(row), wanted.as_of)
-            if wanted.as_of is None or self._passes(fluent, wanted):
+        # All of the page is as believed after one commit, whatever is written meanwhile.
+        as_of = self.commit if wanted.as_of is None else min(wanted.as_of, self.commit)
+        rows = index.rows(replace(wanted, as_of=as_of), self._class_test(wanted))
+        rows = rows[np.searchsorted(rows, after) :]
+        may_have = self._candidates(wanted, as_of)
+        found: list[Fluent] = []
+        for start in range(0, rows.size, _ROWS_AT_ONCE):
+            for row in rows[start : start + _ROWS_AT_ONCE].tolist():
+                name = index.name(row)
+                if may_have is not None and name not in may_have:
+                    continue
+                if len(found) == limit and wanted.property_name is None:
+                    return Page(tuple(found), row)
+                fluent = self.fluent(name, as_of)
+                if not self._has_property(fluent, wanted):
+                    continue
+                if len(found) == limit:
+                    return Page(tuple(found), row)
                 found.append(fluent)
         return Page(tuple(found), None)
 
-    def _matching_rows(self, wanted: FluentFilter) -> list[int]:
-        rows, doubtful = self._projections.index.rows(wanted, self._class_test(wanted))
-        candidates: list[int] = sorted((*rows.tolist(), *doubtful.tolist()))
-        if wanted.property_name is None or wanted.as_of is not None:
-            return candidates
-        named = self._with_property(wanted.property_name, wanted.property_value)
-        return [row for row in candidates if self._projections.index.name(row) in named]
+    def _has_property(self, fluent: Fluent, wanted: FluentFilter) -> bool:
+        if wanted.property_name is None:
+            return True
+        values = fluent.values(self.vocabulary.property_name(wanted.property_name))
+        text = wanted.property_value
+        return bool(values) if text is None else any(is_written(v, text) for v in values)
 
-    def _with_property(self, name: str, value: str | None) -> set[str]:
-        """Names of the fluents that have a property, with a value if one is given."""
-        pattern = f"?s <{self.vocabulary.property_iri(name)}> ?o"
-        if value is not None:
-            # A query parameter does not say its type: any literal of that text, or that fluent.
-            text, iri = (
-                term(Property(name, "xsd:string", one), self.vocabulary)
-                for one in (value, fluent_iri(value))
-            )
-            pattern += f" FILTER(STR(?o) IN ({text}, {iri}))"
-        results = self.query(f"SELECT DISTINCT ?s WHERE {{ {pattern} }}")
-        assert isinstance(results, ox.QuerySolutions)
-        subjects = (row[0] for row in results)
-        names = (fluent_name(s.value) for s in subjects if isinstance(s, ox.NamedNode))
-        return {found for found in names if found is not None}
-
-    def _passes(self, fluent: Fluent, wanted: FluentFilter) -> bool:
-        if wanted.property_name is not None:
-            values = [
-                str(v) for v in fluent.values(self.vocabulary.property_name(wanted.property_name))
-            ]
-            if not values or (
-                wanted.property_value is not None and wanted.property_value not in values
-            ):
-                return False
-        return passes(fluent, wanted, self._class_test(wanted))
+    def _candidates(self, wanted: FluentFilter, as_of: int) -> set[str] | None:
+        """Names of the fluents that may have the wanted property; None if that would be many."""
+        if wanted.property_name is None:
+            return None
+        self._projector.wait_for(as_of)
+        store, text = self._projections.store, wanted.property_value
+        terms = [None] if text is None else terms_written(text)
+        iri = self.vocabulary.property_iri(wanted.property_name)
+        # Values are only ever added, but for corrections: who has none now had none then.
+        found = self._journal.corrected(as_of)
+        for value in terms:
+            subjects = store.subjects(iri, value, limit=_CANDIDATES_MAX)
+            if len(subjects) == _CANDIDATES_MAX:
+                return None
+            found.update(name for name in map(fluent_name, subjects) if name is not None)
+        return found
 
     def _class_test(self, wanted: FluentFilter) -> Callable[[str], bool]:
         if wanted.class_name is None:

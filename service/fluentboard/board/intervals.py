@@ -1,7 +1,8 @@
-"""Interval index, a projection: which fluents hold at a time, or overlap a window.
+"""Interval index, a projection: which fluents hold at a time, or stand in a relation to a window.
 
 One row per fluent in order of its first assertion, in flat arrays: a scan over a million rows takes
-a few milliseconds, and every filter is exact because the arrays hold all four endpoints.
+a few milliseconds, and every filter is exact because the arrays hold all four end points. What a
+change replaced is kept in a second table, so the same holds for what was believed at any commit.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty
+from fluentboard.model.relations import Bounds, FloatArray, Relation, bounds_of, related, window
+
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,7 @@ class FluentFilter:
         property_value: has this value, as written in JSON (with `property_name`).
         is_open: nothing is known about the finish (True), or something is (False).
         as_of: as believed after this commit; by default the last.
+        relation: stands in this relation to an interval, given by what is known of its end points.
     """
 
     class_name: str | None = None
@@ -40,10 +45,87 @@ class FluentFilter:
     property_value: str | None = None
     is_open: bool | None = None
     as_of: int | None = None
+    relation: tuple[Relation, Bounds] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """What is known of the end points of some fluents, as believed after a commit.
+
+    Attributes:
+        rows: `(n,)`; increasing.
+        bounds: `(4, n)`; earliest and latest start, earliest and latest finish, in seconds.
+    """
+
+    rows: IntArray
+    bounds: FloatArray
+
+
+class _Changes:
+    """What changes replaced, in commit order: an undo log in flat arrays."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._commit = np.zeros(256, dtype=np.int64)
+        self._row = np.zeros(256, dtype=np.int64)
+        self._class_of = np.zeros(256, dtype=np.int32)
+        self._bounds = np.zeros((4, 256))
+
+    def put(self, commit: int, row: int, class_id: int, bounds: FloatArray) -> None:
+        """Notes the state `(4,)` and class of a row that a commit replaces."""
+        here = self.count
+        if here == self._commit.size:
+            size = 2 * here
+            self._commit = np.resize(self._commit, size)
+            self._row = np.resize(self._row, size)
+            self._class_of = np.resize(self._class_of, size)
+            self._bounds = np.concatenate([self._bounds, np.zeros_like(self._bounds)], axis=1)
+        self._commit[here] = commit
+        self._row[here] = row
+        self._class_of[here] = class_id
+        self._bounds[:, here] = bounds
+        self.count = here + 1
+
+    def _after(self, commit: int) -> int:
+        return int(np.searchsorted(self._commit[: self.count], commit, side="right"))
+
+    def rows(self, after: int, up_to: int) -> IntArray:
+        """Rows that commits in (after, up_to] changed, each as often as it was changed."""
+        return self._row[self._after(after) : self._after(up_to)]
+
+    def replaced(self, as_of: int, count: int) -> tuple[IntArray, FloatArray, NDArray[np.int32]]:
+        """What was believed after a commit of the rows that were changed later.
+
+        Args:
+            as_of: the commit.
+            count: only rows below this one.
+
+        Returns:
+            The rows `(n,)`, increasing, their bounds `(4, n)` and classes `(n,)`.
+        """
+        first = self._after(as_of)
+        # The first change after the commit replaced what was believed then.
+        changed = self._row[first : self.count]
+        if changed.size < count // 64:
+            rows, entries = np.unique(changed, return_index=True)
+            rows, entries = rows[rows < count], entries[rows < count]
+        else:
+            # Without sorting: written from the newest to the oldest, so the oldest stays.
+            entry_of = np.full(int(changed.max(initial=count)) + 1, -1, dtype=np.int64)
+            entry_of[changed[::-1]] = np.arange(changed.size - 1, -1, -1)
+            rows = np.flatnonzero(entry_of[:count] >= 0)
+            entries = entry_of[rows]
+        entries = entries + first
+        return rows, self._bounds[:, entries], self._class_of[entries]
+
+    def bounds(self, as_of: int, row: int) -> FloatArray:
+        """The bounds `(4,)` of one row, which was changed after a commit, as believed then."""
+        first = self._after(as_of)
+        return self._bounds[:, first + int(np.argmax(self._row[first : self.count] == row))]
 
 
 class IntervalIndex:
-    """Endpoints, class and versions of every fluent, one row each."""
+    """End points, class and versions of every fluent, one row each, with their past."""
 
     def __init__(self) -> None:
         self._guard = threading.Lock()
@@ -54,6 +136,7 @@ class IntervalIndex:
         self._class_of = np.zeros(1024, dtype=np.int32)
         self._created = np.zeros(1024, dtype=np.int64)
         self._version = np.zeros(1024, dtype=np.int64)
+        self._changes = _Changes()
 
     def __len__(self) -> int:
         return len(self._names)
@@ -65,35 +148,42 @@ class IntervalIndex:
         """The fluent of a row."""
         return self._names[row]
 
+    def row(self, name: str) -> int | None:
+        """The row of a fluent, the same for ever; None if there is no such fluent."""
+        return self._row_of.get(name)
+
+    def version(self, row: int) -> int:
+        """The commit that changed a row last."""
+        return int(self._version[row])
+
     def put(self, fluents: Iterable[tuple[Fluent, int]]) -> None:
         """Takes over fluents as they stand, each with the commit that changed it."""
         with self._guard:
             for fluent, commit in fluents:
-                bounds = (*fluent.start_bounds, *fluent.finish_bounds)
-                self._put(fluent.name, fluent.class_name, bounds, commit)
+                self._put(fluent.name, fluent.class_name, bounds_of(fluent), commit)
 
-    def put_outline(
-        self, name: str, class_name: str, bounds: tuple[float, float, float, float], commit: int
-    ) -> None:
+    def put_outline(self, name: str, class_name: str, bounds: Bounds, commit: int) -> None:
         """Takes over one change, given as its four bounds (-inf and inf where unknown)."""
         with self._guard:
             self._put(name, class_name, bounds, commit)
 
-    def _put(
-        self, name: str, class_name: str, bounds: tuple[float, float, float, float], commit: int
-    ) -> None:
+    def _put(self, name: str, class_name: str, bounds: Bounds, commit: int) -> None:
         row = self._row_of.get(name)
         if row is None:
             row = len(self._names)
             if row == self._version.size:
                 self._grow()
-            self._names.append(name)
-            self._row_of[name] = row
             self._created[row] = commit
+        else:
+            self._changes.put(commit, row, int(self._class_of[row]), self._bounds[:, row])
         class_id = self._class_ids.setdefault(class_name, len(self._class_ids))
         self._bounds[:, row] = bounds
         self._class_of[row] = class_id
         self._version[row] = commit
+        if row == len(self._names):
+            # Last, because readers that hold no lock look here first.
+            self._names.append(name)
+            self._row_of[name] = row
 
     def _grow(self) -> None:
         size = 2 * self._version.size
@@ -102,73 +192,85 @@ class IntervalIndex:
         self._created = np.resize(self._created, size)
         self._version = np.resize(self._version, size)
 
-    def rows(
-        self, wanted: FluentFilter, is_wanted_class: Callable[[str], bool]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows that pass the filter, and rows that must be looked up one by one.
-
-        The second are fluents that changed after `as_of`: the arrays hold their later state.
+    def rows(self, wanted: FluentFilter, is_wanted_class: Callable[[str], bool]) -> IntArray:
+        """Rows that pass the filter, increasing.
 
         Args:
             wanted: the filter; its property part is not looked at here.
             is_wanted_class: whether a class name is the wanted class or below it.
         """
         with self._guard:
-            count = len(self._names)
-            s1, s2, f1, f2 = self._bounds[:, :count]
-            keep: NDArray[np.bool_] = np.ones(count, dtype=np.bool_)
+            count = self._count(wanted.as_of)
+            bounds, classes = self._bounds[:, :count], self._class_of[:count]
+            ids = None
             if wanted.class_name is not None:
-                ids = [i for name, i in self._class_ids.items() if is_wanted_class(name)]
-                keep &= np.isin(self._class_of[:count], ids)
-            certain = wanted.certainty is Certainty.CERTAIN
-            if wanted.at_s is not None:
-                start, finish = (s2, f1) if certain else (s1, f2)
-                keep &= (start <= wanted.at_s) & (wanted.at_s < finish)
-            if wanted.during is not None:
-                begin, end = wanted.during
-                keep &= _overlaps(s1, s2, f1, f2, begin, end, certain=certain)
-            if wanted.is_open is not None:
-                keep &= (f1 == np.inf) == wanted.is_open
-            if wanted.as_of is None:
-                return np.flatnonzero(keep), np.zeros(0, dtype=np.int64)
-            existed = self._created[:count] <= wanted.as_of
-            changed = existed & (self._version[:count] > wanted.as_of)
-            return np.flatnonzero(keep & existed & ~changed), np.flatnonzero(changed)
+                ids = np.array([is_wanted_class(name) for name in self._class_ids], dtype=np.bool_)
+            keep = _passing(wanted, bounds, classes, ids)
+            if wanted.as_of is not None:
+                later, bounds, classes = self._changes.replaced(wanted.as_of, count)
+                keep[later] = _passing(wanted, bounds, classes, ids)
+            return np.flatnonzero(keep)
+
+    def bounds(self, row: int, as_of: int) -> Bounds | None:
+        """What was believed of one row after a commit; None if it was not there yet."""
+        with self._guard:
+            if self._created[row] > as_of:
+                return None
+            is_same = self._version[row] <= as_of
+            found = self._bounds[:, row] if is_same else self._changes.bounds(as_of, row)
+            s1, s2, f1, f2 = found.tolist()
+            return s1, s2, f1, f2
+
+    def outline(self, as_of: int) -> Outline:
+        """What was believed of all fluents after a commit."""
+        with self._guard:
+            count = self._count(as_of)
+            bounds = self._bounds[:, :count].copy()
+            later, before, _ = self._changes.replaced(as_of, count)
+            bounds[:, later] = before
+            return Outline(np.arange(count, dtype=np.int64), bounds)
+
+    def changed(self, after: int, up_to: int) -> Outline:
+        """The fluents that commits in (after, up_to] made or changed, as believed afterwards."""
+        with self._guard:
+            count = self._count(up_to)
+            made = np.arange(self._count(after), count, dtype=np.int64)
+            rows = np.union1d(made, self._changes.rows(after, up_to))
+            bounds = self._bounds[:, rows]
+            later, before, _ = self._changes.replaced(up_to, count)
+            is_later = np.isin(rows, later, assume_unique=True)
+            bounds[:, is_later] = before[:, np.isin(later, rows, assume_unique=True)]
+            return Outline(rows, bounds)
+
+    def _count(self, as_of: int | None) -> int:
+        """How many rows there were; rows are in the order of the commits that made them."""
+        created = self._created[: len(self._names)]
+        return created.size if as_of is None else int(np.searchsorted(created, as_of, "right"))
 
 
-def _overlaps(
-    s1: NDArray[np.float64],
-    s2: NDArray[np.float64],
-    f1: NDArray[np.float64],
-    f2: NDArray[np.float64],
-    begin: float,
-    end: float,
-    *,
-    certain: bool,
+def _passing(
+    wanted: FluentFilter,
+    bounds: FloatArray,
+    classes: NDArray[np.int32],
+    ids: NDArray[np.bool_] | None,
 ) -> NDArray[np.bool_]:
-    """Which fluents hold at some moment of [begin, end).
-
-    The fluent holds during [s, f) with s in [s1, s2] and f in [f1, f2]; the two half-open ranges
-    share a moment iff max(s, begin) < min(f, end).
-    """
-    if begin >= end:
-        return np.zeros(s1.shape, dtype=bool)
-    start, finish = (s2, f1) if certain else (s1, f2)
-    return (start < end) & (finish > begin) & (start < finish)
-
-
-def passes(fluent: Fluent, wanted: FluentFilter, is_wanted_class: Callable[[str], bool]) -> bool:
-    """Whether one fluent passes the class and time parts of a filter."""
-    index = IntervalIndex()
-    index.put([(fluent, 0)])
-    found, _ = index.rows(
-        FluentFilter(
-            wanted.class_name,
-            wanted.at_s,
-            wanted.during,
-            wanted.certainty,
-            is_open=wanted.is_open,
-        ),
-        is_wanted_class,
-    )
-    return found.size == 1
+    """Which rows pass the class and time parts of a filter."""
+    s1, s2, f1, f2 = bounds
+    keep: NDArray[np.bool_] = np.ones(len(s1), dtype=np.bool_)
+    if ids is not None:
+        keep = ids[classes] if ids.size else keep
+    if wanted.at_s is not None:
+        start, finish = (s2, f1) if wanted.certainty is Certainty.CERTAIN else (s1, f2)
+        keep &= (start <= wanted.at_s) & (wanted.at_s < finish)
+    if wanted.during is not None:
+        begin, end = wanted.during
+        if begin < end:
+            keep &= related(Relation.INTERSECTS, bounds, window(begin, end), wanted.certainty)
+        else:
+            keep[:] = False
+    if wanted.relation is not None:
+        relation, other = wanted.relation
+        keep &= related(relation, bounds, other, wanted.certainty)
+    if wanted.is_open is not None:
+        keep &= (f1 == np.inf) == wanted.is_open
+    return keep

@@ -44,6 +44,8 @@ CREATE TABLE IF NOT EXISTS changes (
     name TEXT NOT NULL, class TEXT NOT NULL, s1 REAL, s2 REAL, f1 REAL, f2 REAL,
     properties BLOB NOT NULL, PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS changes_name ON changes (name, commit_number);
+CREATE INDEX IF NOT EXISTS changes_corrected ON changes (commit_number, name)
+    WHERE kind = 'corrected';
 CREATE TABLE IF NOT EXISTS statements (
     commit_number INTEGER NOT NULL, position INTEGER NOT NULL, graph TEXT NOT NULL,
     ontology TEXT NOT NULL, digest TEXT NOT NULL, added TEXT NOT NULL, removed TEXT NOT NULL,
@@ -228,15 +230,24 @@ class SqliteJournal:
                 events.append(event)
             yield Commit(number, wall_s, author, tuple(events), self._statements(number), reason)
 
-    def fluents(self) -> Iterator[Fluent]:
-        """Every fluent as it stands, ordered by name, in bounded memory."""
-        rows = self._rows("", (), "c.name, c.commit_number, c.position")
+    def fluents(self, as_of: int | None = None) -> Iterator[Fluent]:
+        """Every fluent as it stands, or stood after a commit, by name, in bounded memory."""
+        rows = self._rows(
+            "WHERE c.commit_number <= ?", (_number(as_of),), "c.name, c.commit_number, c.position"
+        )
         for _, of_name in groupby(rows, key=lambda row: row[2]):
             fluent: Fluent | None = None
             for event in _folded(of_name):
                 fluent = event.after
             if fluent is not None:
                 yield fluent
+
+    def corrected(self, after: int) -> set[str]:
+        """Names of the fluents that were corrected after a commit."""
+        rows = self._read(
+            "SELECT name FROM changes WHERE kind = 'corrected' AND commit_number > ?", (after,)
+        )
+        return {name for (name,) in rows}
 
     def outlines(self) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
         """Per change, in commit order: name, class, s1, s2, f1, f2 afterwards, commit number."""
@@ -246,14 +257,16 @@ class SqliteJournal:
             (),
         )
 
-    def statements(self) -> Iterator[StatementsChanged]:
-        """Everything that was ever said outside fluents, in order."""
-        for row in self._read(
-            "SELECT graph, added, removed, ontology, digest FROM statements "
-            "ORDER BY commit_number, position",
-            (),
+    def statements(
+        self, after: int = 0, up_to: int | None = None
+    ) -> Iterator[tuple[int, StatementsChanged]]:
+        """What was said outside fluents by commits in (after, up_to], in order, with the commit."""
+        for number, *parts in self._read(
+            "SELECT commit_number, graph, added, removed, ontology, digest FROM statements "
+            "WHERE commit_number > ? AND commit_number <= ? ORDER BY commit_number, position",
+            (after, _number(up_to)),
         ):
-            yield StatementsChanged(*row)
+            yield number, StatementsChanged(*parts)
 
     def request(self, key: str) -> tuple[int, str] | None:
         """Commit number and digest of the request that used an idempotency key."""

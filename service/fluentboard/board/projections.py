@@ -60,16 +60,15 @@ class Projections:
         Raises:
             UnknownFluent: it was not asserted (by then).
         """
-        if as_of is None:
-            recent = self._recent.get(name)
-            if recent is not None:
-                return recent
-            if name not in self.index:
-                raise UnknownFluent(
-                    f"no fluent {name!r} on the board; names are case-sensitive, GET /fluents "
-                    "lists them",
-                    name=name,
-                )
+        recent = self._recent.get(name)
+        if recent is not None and (as_of is None or recent.version <= as_of):
+            return recent
+        if as_of is None and name not in self.index:
+            raise UnknownFluent(
+                f"no fluent {name!r} on the board; names are case-sensitive, GET /fluents lists "
+                "them",
+                name=name,
+            )
         return self.journal.fluent(name, as_of)
 
     def remember(self, commits: Sequence[Commit]) -> None:
@@ -114,7 +113,7 @@ class Projections:
         A store that may hold what the journal has lost is rebuilt.
         """
         last = self.journal.last
-        for change in self.journal.statements():
+        for _, change in self.journal.statements():
             if change.ontology:
                 self._ontologies[change.ontology] = change
         self.vocabulary = self._vocabulary()
@@ -221,7 +220,7 @@ class Projections:
     def _rebuild(self, last: int) -> None:
         logger.info("rebuilding the RDF store from the journal (%s commits)", last)
         self.store.clear()
-        for change in self.journal.statements():
+        for _, change in self.journal.statements():
             graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
             self.store.apply_statements(
                 _quads(change.added, graph), _quads(change.removed, graph), 0

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -180,14 +181,25 @@ class EmbeddedStore:
         with self._applying:
             return self._applied, self.query(sparql, **options)
 
-    def subjects(self, predicate: str, value: ox.NamedNode | ox.Literal) -> list[str]:
-        """IRIs of all subjects with that value in the default graph."""
+    def subjects(
+        self, predicate: str, value: ox.NamedNode | ox.Literal | None = None, *, limit: int
+    ) -> list[str]:
+        """IRIs of at most `limit` subjects with that value, or any, in the default graph."""
         pattern = (None, ox.NamedNode(predicate), value, ox.DefaultGraph())
         return [
             quad.subject.value
-            for quad in self._store.quads_for_pattern(*pattern)
+            for quad in islice(self._store.quads_for_pattern(*pattern), limit)
             if isinstance(quad.subject, ox.NamedNode)
         ]
+
+    def about(self, iri: str) -> list[ox.Quad]:
+        """All statements of the default graph with that subject, at this moment."""
+        pattern = (ox.NamedNode(iri), None, None, ox.DefaultGraph())
+        return list(self._store.quads_for_pattern(*pattern))
+
+    def bulk_extend(self, quads: Iterable[ox.Quad]) -> None:
+        """Adds many quads, fast and without a transaction."""
+        self._store.bulk_extend(quads)
 
     def flush(self) -> None:
         """Writes memory tables to disk."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 
 import pyoxigraph as ox
 
@@ -16,6 +17,7 @@ from fluentboard.board.vocabulary import RDF_TYPE, XSD, Vocabulary
 from fluentboard.errors import InvalidInput
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import UNKNOWN, Interval
+from fluentboard.model.literals import XSD_TYPES, Value
 from fluentboard_ontology import FLUENT, UPPER
 
 ENDPOINTS = tuple(
@@ -55,6 +57,29 @@ def term(statement: Property, vocabulary: Vocabulary) -> str:
         text = value.translate(_ESCAPES)
         return f'"{text}"' if kind == "xsd:string" else f'"{text}"^^<{XSD}{kind[4:]}>'
     return f'"{value!r}"^^<{XSD}{kind[4:]}>'
+
+
+def is_written(value: Value, text: str) -> bool:
+    """Whether text, such as that of a query parameter, is a way to write a property's value."""
+    if isinstance(value, bool):
+        return text in (("true", "1") if value else ("false", "0"))
+    if isinstance(value, str):
+        return text == value
+    try:
+        # Python also reads 1_000; XSD does not.
+        return "_" not in text and type(value)(text) == value
+    except (ValueError, OverflowError):
+        return False
+
+
+def terms_written(text: str) -> list[ox.NamedNode | ox.Literal]:
+    """All RDF terms that a property value may have of which `is_written` is true."""
+    found: list[ox.NamedNode | ox.Literal] = [
+        ox.Literal(text, datatype=ox.NamedNode(XSD + local)) for local in sorted(XSD_TYPES)
+    ]
+    with suppress(ValueError):  # the text has characters that no IRI has
+        found.append(ox.NamedNode(fluent_iri(text)))
+    return found
 
 
 def fluent_lines(fluent: Fluent, vocabulary: Vocabulary) -> list[str]:
