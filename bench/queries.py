@@ -118,7 +118,7 @@ def _as_of() -> Report:
     at = 1000.0 + AS_OF_FLUENTS * 0.005
 
     def ours() -> None:
-        rows, _ = index.rows(FluentFilter(at_s=at), lambda _name: True)
+        rows = index.rows(FluentFilter(at_s=at), lambda _name: True)
         [index.name(row) for row in rows[:100].tolist()]
 
     report = compare(
