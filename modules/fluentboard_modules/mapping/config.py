@@ -18,11 +18,11 @@ class DepthNoiseConfig(_Settings):
     the residuals of local plane fits are 0.9 times this (median over a frame, 0.8 to 3.3 m).
     """
 
-    constant_m: float = Field(0.0012, gt=0.0)
-    quadratic_per_m: float = Field(0.0019, ge=0.0)
-    reference_m: float = Field(0.4, ge=0.0)
+    constant_m: float = Field(default=0.0012, gt=0.0)
+    quadratic_per_m: float = Field(default=0.0019, ge=0.0)
+    reference_m: float = Field(default=0.4, ge=0.0)
     systematic_m: float = Field(
-        0.005,
+        default=0.005,
         ge=0.0,
         description="What does not average out: lens distortion bends a 1.5 m table by 1 cm.",
     )
@@ -31,66 +31,95 @@ class DepthNoiseConfig(_Settings):
 class NormalsConfig(_Settings):
     """Local planes: windows of the organised depth image."""
 
-    radius_px: int = Field(7, ge=1, description="Half window: 2.6 cm at 1 m, 7.7 cm at 3 m.")
+    radius_px: int = Field(
+        default=7, ge=1, description="Half window: 2.6 cm at 1 m, 7.7 cm at 3 m."
+    )
     fine_radius_px: int = Field(
-        4, ge=1, description="Half window where the larger one spans an edge: chair slats, rails."
+        default=4,
+        ge=1,
+        description="Half window where the larger one spans an edge: chair slats, rails.",
     )
     filled_share: float = Field(
-        0.5, gt=0.0, le=1.0, description="Share of the window that must have depth."
+        default=0.5, gt=0.0, le=1.0, description="Share of the window that must have depth."
     )
     residual_max_sigma: float = Field(
-        1.8, gt=0.0, description="Windows that fit worse span an edge; 1.0 is pure noise."
+        default=1.8, gt=0.0, description="Windows that fit worse span an edge; 1.0 is pure noise."
     )
 
 
 class SegmentationConfig(_Settings):
     """Local planes to planar segments (DESIGN: connected at 8 degrees and 1.5 cm)."""
 
-    step_px: int = Field(2, ge=1, description="One cell per so many pixels in both directions.")
-    join_angle_deg: float = Field(8.0, gt=0.0, lt=90.0)
+    step_px: int = Field(
+        default=2, ge=1, description="One cell per so many pixels in both directions."
+    )
+    join_angle_deg: float = Field(default=8.0, gt=0.0, lt=90.0)
     join_distance_tolerances: float = Field(
-        3.0, gt=0.0, description="In units of the depth tolerance; 3 of them are 1.6 cm at 1 m."
+        default=3.0,
+        gt=0.0,
+        description="In units of the depth tolerance; 3 of them are 1.6 cm at 1 m.",
     )
-    seed_cells: int = Field(40, ge=4, description="Smallest segment that may grow.")
+    seed_cells: int = Field(default=40, ge=4, description="Smallest segment that may grow.")
     planar_share: float = Field(
-        0.9, gt=0.0, le=1.0, description="A component with fewer inliers is split."
+        default=0.9, gt=0.0, le=1.0, description="A component with fewer inliers is split."
     )
-    grow_distance_tolerances: float = Field(3.0, gt=0.0)
+    grow_distance_tolerances: float = Field(default=3.0, gt=0.0)
     grow_angle_deg: float = Field(
-        25.0,
+        default=25.0,
         gt=0.0,
         lt=90.0,
         description="Cells beside an edge have bad normals; this admits them.",
     )
     grow_margin: float = Field(
-        0.1, ge=0.0, description="A larger plane keeps what fits a smaller one hardly better."
+        default=0.1,
+        ge=0.0,
+        description="A larger plane keeps what fits a smaller one hardly better.",
     )
-    grow_margin_cells: int = Field(20, ge=0, description="How far a seed may grow at least.")
+    grow_margin_cells: int = Field(
+        default=20, ge=0, description="How far a seed may grow at least."
+    )
     grow_margin_share: float = Field(
-        0.75, ge=0.0, description="How far a seed may grow, as a share of its own width or height."
+        default=0.75,
+        ge=0.0,
+        description="How far a seed may grow, as a share of its own width or height.",
     )
     merge_angle_deg: float = Field(
-        12.0, gt=0.0, lt=90.0, description="Between mean local normals; the misfit decides finely."
+        default=12.0,
+        gt=0.0,
+        lt=90.0,
+        description="Between mean local normals; the misfit decides finely.",
     )
     merge_misfit: float = Field(
-        1.5, gt=0.0, description="Root mean square misfit of either part, in depth tolerances."
+        default=1.5,
+        gt=0.0,
+        description="Root mean square misfit of either part, in depth tolerances.",
     )
     merge_gap_m: float = Field(
-        0.10, ge=0.0, description="A mug's shadow cuts a table; two chairs stand further apart."
+        default=0.10,
+        ge=0.0,
+        description="A mug's shadow cuts a table; two chairs stand further apart.",
     )
-    segments_max: int = Field(96, ge=1, description="The largest so many are grown.")
+    segments_max: int = Field(default=96, ge=1, description="The largest so many are grown.")
 
 
 class ContourConfig(_Settings):
     """Segments to polygons."""
 
-    simplify_m: float = Field(0.01, ge=0.0, description="Douglas-Peucker tolerance on the plane.")
-    smallest_hole_m2: float = Field(0.004, ge=0.0, description="Smaller holes are noise.")
-    smallest_part_m2: float = Field(0.002, ge=0.0, description="Smaller islands are dropped.")
-    smallest_region_m2: float = Field(
-        0.008, ge=0.0, description="Below the smallest plane any furniture rule speaks of (0.01)."
+    simplify_m: float = Field(
+        default=0.01, ge=0.0, description="Douglas-Peucker tolerance on the plane."
     )
-    edge_margin_px: int = Field(6, ge=0, description="As near to the border counts as touching.")
+    smallest_hole_m2: float = Field(default=0.004, ge=0.0, description="Smaller holes are noise.")
+    smallest_part_m2: float = Field(
+        default=0.002, ge=0.0, description="Smaller islands are dropped."
+    )
+    smallest_region_m2: float = Field(
+        default=0.008,
+        ge=0.0,
+        description="Below the smallest plane any furniture rule speaks of (0.01).",
+    )
+    edge_margin_px: int = Field(
+        default=6, ge=0, description="As near to the border counts as touching."
+    )
 
 
 class SurfacesConfig(_Settings):
@@ -100,7 +129,9 @@ class SurfacesConfig(_Settings):
     normals: NormalsConfig = NormalsConfig()
     segmentation: SegmentationConfig = SegmentationConfig()
     contours: ContourConfig = ContourConfig()
-    range_max_m: float = Field(6.0, gt=0.0, description="Beyond, a Kinect's depth is 7 cm off.")
+    range_max_m: float = Field(
+        default=6.0, gt=0.0, description="Beyond, a Kinect's depth is 7 cm off."
+    )
 
 
 class FusionConfig(_Settings):
@@ -109,49 +140,76 @@ class FusionConfig(_Settings):
     The distances allow for poses and depth that agree to 2-4 cm only (7-Scenes red kitchen).
     """
 
-    cell_m: float = Field(0.02, gt=0.0, description="Grid on each plane.")
+    cell_m: float = Field(default=0.02, gt=0.0, description="Grid on each plane.")
     same_angle_deg: float = Field(
-        12.0, gt=0.0, lt=90.0, description="Small far regions are off by as much."
+        default=12.0, gt=0.0, lt=90.0, description="Small far regions are off by as much."
     )
     same_distance_m: float = Field(
-        0.06, gt=0.0, description="Poses 2-4 cm off, twice over; boards and box tops are further."
+        default=0.06,
+        gt=0.0,
+        description="Poses 2-4 cm off, twice over; boards and box tops are further.",
     )
-    same_reach_cells: int = Field(2, ge=0, description="Overlap is judged with so much drift.")
+    same_reach_cells: int = Field(
+        default=2, ge=0, description="Overlap is judged with so much drift."
+    )
     same_overlap: float = Field(
-        0.15, gt=0.0, le=1.0, description="Share of the smaller that must overlap."
+        default=0.15, gt=0.0, le=1.0, description="Share of the smaller that must overlap."
     )
     solid_share: float = Field(
-        0.4, gt=0.0, lt=1.0, description="A cell stays if so many of those who could see it did."
+        default=0.4,
+        gt=0.0,
+        lt=1.0,
+        description="A cell stays if so many of those who could see it did.",
     )
     fringe_share: float = Field(
-        0.1, ge=0.0, lt=1.0, description="Cells seen by a smaller share of the frames are drift."
+        default=0.1,
+        ge=0.0,
+        lt=1.0,
+        description="Cells seen by a smaller share of the frames are drift.",
     )
     fringe_frames: int = Field(
-        20, ge=1, description="The share is taken of at most so many frames: a corner seen twice."
+        default=20,
+        ge=1,
+        description="The share is taken of at most so many frames: a corner seen twice.",
     )
     slope_prior_weight: float = Field(
-        1.0e4, gt=0.0, description="Prior of the first normal, in cells at 1 cm standard deviation."
+        default=1.0e4,
+        gt=0.0,
+        description="Prior of the first normal, in cells at 1 cm standard deviation.",
     )
     pose_sigma_m: float = Field(
-        0.02, gt=0.0, description="What one frame's pose adds to the position of its regions."
+        default=0.02,
+        gt=0.0,
+        description="What one frame's pose adds to the position of its regions.",
     )
     see_through_m: float = Field(
-        0.08, gt=0.0, description="Measured so far behind a plane, the plane is not there."
+        default=0.08, gt=0.0, description="Measured so far behind a plane, the plane is not there."
     )
     missed_share: float = Field(
-        0.5, gt=0.0, le=1.0, description="Seen through in so much of its visible part: a miss."
+        default=0.5,
+        gt=0.0,
+        le=1.0,
+        description="Seen through in so much of its visible part: a miss.",
     )
     judged_share: float = Field(
-        0.3, gt=0.0, le=1.0, description="Frames that see less of a plane do not judge it."
+        default=0.3, gt=0.0, le=1.0, description="Frames that see less of a plane do not judge it."
     )
     memory_frames: int = Field(
-        24, ge=4, description="Evidence counts are halved beyond, so that a moved chair goes away."
+        default=24,
+        ge=4,
+        description="Evidence counts are halved beyond, so that a moved chair goes away.",
     )
     forget_ratio: float = Field(
-        3.0, gt=0.0, description="Forget a plane that this many times more views missed than saw."
+        default=3.0,
+        gt=0.0,
+        description="Forget a plane that this many times more views missed than saw.",
     )
-    forget_least_views: int = Field(5, ge=1, description="Views that miss a plane before that.")
-    planes_max: int = Field(400, ge=1, description="The smallest, longest unseen are dropped.")
+    forget_least_views: int = Field(
+        default=5, ge=1, description="Views that miss a plane before that."
+    )
+    planes_max: int = Field(
+        default=400, ge=1, description="The smallest, longest unseen are dropped."
+    )
     contours: ContourConfig = ContourConfig(simplify_m=0.015, smallest_hole_m2=0.01)
 
 
@@ -159,10 +217,10 @@ class HypothesisConfig(_Settings):
     """First poses and boxes."""
 
     top_orientation: Literal["rectangle", "pca"] = Field(
-        "rectangle", description="Of tables and shelves; pca is that of section 3.2.2."
+        default="rectangle", description="Of tables and shelves; pca is that of section 3.2.2."
     )
     placing_height_m: float = Field(
-        0.3, gt=0.0, description="Placing areas reach so far up: bottles are 0.3 m high."
+        default=0.3, gt=0.0, description="Placing areas reach so far up: bottles are 0.3 m high."
     )
 
 
@@ -172,23 +230,36 @@ class FurnitureMapConfig(_Settings):
     fusion: FusionConfig = FusionConfig()
     hypotheses: HypothesisConfig = HypothesisConfig()
     least_frames: int = Field(
-        2, ge=1, description="Planes seen in fewer frames are not classified."
+        default=2, ge=1, description="Planes seen in fewer frames are not classified."
     )
     support_frames: float = Field(
-        5.0, gt=0.0, description="After so many frames of support the score is 1 - 1/e = 0.63."
+        default=5.0,
+        gt=0.0,
+        description="After so many frames of support the score is 1 - 1/e = 0.63.",
     )
-    accept_score: float = Field(0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
-    drop_score: float = Field(0.3, gt=0.0, lt=1.0, description="No furniture any more.")
+    accept_score: float = Field(default=0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
+    drop_score: float = Field(default=0.3, gt=0.0, lt=1.0, description="No furniture any more.")
     patience_frames: int = Field(
-        8, ge=0, description="How long a piece survives without a hypothesis, and a rival waits."
+        default=8,
+        ge=0,
+        description="How long a piece survives without a hypothesis, and a rival waits.",
     )
     same_place_overlap: float = Field(
-        0.4, gt=0.0, le=1.0, description="Boxes of one class that overlap so much are one piece."
+        default=0.4,
+        gt=0.0,
+        le=1.0,
+        description="Boxes of one class that overlap so much are one piece.",
     )
-    moved_m: float = Field(0.02, ge=0.0, description="Smaller changes of pose are not reported.")
-    turned_rad: float = Field(0.05, ge=0.0, description="Smaller turns are not reported.")
-    resized_m: float = Field(0.04, ge=0.0, description="Smaller changes of size are not reported.")
-    rescored: float = Field(0.1, ge=0.0, description="Smaller changes of score are not reported.")
+    moved_m: float = Field(
+        default=0.02, ge=0.0, description="Smaller changes of pose are not reported."
+    )
+    turned_rad: float = Field(default=0.05, ge=0.0, description="Smaller turns are not reported.")
+    resized_m: float = Field(
+        default=0.04, ge=0.0, description="Smaller changes of size are not reported."
+    )
+    rescored: float = Field(
+        default=0.1, ge=0.0, description="Smaller changes of score are not reported."
+    )
 
 
 class MappingConfig(_Settings):

@@ -206,7 +206,7 @@ def _relabel(
     """Labels 0, 1, ... for the components of at least so many cells, largest first."""
     order = np.argsort(-counts, kind="stable")
     order = order[counts[order] >= least]
-    new = np.full(counts.size, _NO_SEGMENT, dtype=np.int32)
+    new = np.full(max(counts.size, 1), _NO_SEGMENT, dtype=np.int32)
     new[order] = np.arange(order.size)
     return np.where(mask, new[component], _NO_SEGMENT).astype(np.int32)
 
