@@ -164,27 +164,27 @@ class AsyncClient:
             if cursor is None:
                 return
 
-    async def query(self, sparql: str, *, at: Time | None = None) -> list[Row] | bool | str:
+    async def query(self, sparql: str) -> list[Row] | bool | str:
         """See `Client.query`."""
-        return exchange.result_of(await self._send(exchange.sparql(sparql, at)))
+        return exchange.result_of(await self._send(exchange.sparql(sparql)))
 
-    async def select(self, sparql: str, *, at: Time | None = None) -> list[Row]:
+    async def select(self, sparql: str) -> list[Row]:
         """See `Client.select`."""
-        result = await self.query(sparql, at=at)
+        result = await self.query(sparql)
         if not isinstance(result, list):
             raise exchange.wrong_form("SELECT")
         return result
 
-    async def ask(self, sparql: str, *, at: Time | None = None) -> bool:
+    async def ask(self, sparql: str) -> bool:
         """See `Client.ask`."""
-        result = await self.query(sparql, at=at)
+        result = await self.query(sparql)
         if not isinstance(result, bool):
             raise exchange.wrong_form("ASK")
         return result
 
-    async def construct(self, sparql: str, *, at: Time | None = None) -> str:
+    async def construct(self, sparql: str) -> str:
         """See `Client.construct`."""
-        result = await self.query(sparql, at=at)
+        result = await self.query(sparql)
         if not isinstance(result, str):
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
@@ -193,7 +193,7 @@ class AsyncClient:
         self, sparql: str, media_types: str, *, at: Time | None = None
     ) -> bytes:
         """See `Client.query_document`."""
-        return (await self._send(exchange.sparql(sparql, at, media_types))).content
+        return (await self._send(exchange.sparql(sparql, media_types))).content
 
     async def export(
         self, format: ExportFormat = "yaml", *, at: Time | None = None

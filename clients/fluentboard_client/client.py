@@ -230,52 +230,52 @@ class Client:
             if cursor is None:
                 return
 
-    def query(self, sparql: str, *, at: Time | None = None) -> list[Row] | bool | str:
+    def query(self, sparql: str) -> list[Row] | bool | str:
         """The result of a SPARQL query: rows of a SELECT, truth of an ASK, N-Triples of the rest.
+
+        It sees the whole history: fluents that have ended are still there.
 
         Args:
             sparql: the query; the usual prefixes (rdf, rdfs, owl, xsd, upper, race, furniture, fb,
                 fluent) need no declaration.
-            at: see only what holds then, in seconds or `"now"`; None sees all of history.
 
         Raises:
             InvalidQuery, QueryTimeout: as their classes say.
         """
-        return exchange.result_of(self._send(exchange.sparql(sparql, at)))
+        return exchange.result_of(self._send(exchange.sparql(sparql)))
 
-    def select(self, sparql: str, *, at: Time | None = None) -> list[Row]:
+    def select(self, sparql: str) -> list[Row]:
         """The rows of a SELECT; see `query`."""
-        result = self.query(sparql, at=at)
+        result = self.query(sparql)
         if not isinstance(result, list):
             raise exchange.wrong_form("SELECT")
         return result
 
-    def ask(self, sparql: str, *, at: Time | None = None) -> bool:
+    def ask(self, sparql: str) -> bool:
         """The truth of an ASK; see `query`."""
-        result = self.query(sparql, at=at)
+        result = self.query(sparql)
         if not isinstance(result, bool):
             raise exchange.wrong_form("ASK")
         return result
 
-    def construct(self, sparql: str, *, at: Time | None = None) -> str:
+    def construct(self, sparql: str) -> str:
         """The N-Triples text of a CONSTRUCT or DESCRIBE; see `query`."""
-        result = self.query(sparql, at=at)
+        result = self.query(sparql)
         if not isinstance(result, str):
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
-    def query_document(self, sparql: str, media_types: str, *, at: Time | None = None) -> bytes:
+    def query_document(self, sparql: str, media_types: str) -> bytes:
         """The result of a SPARQL query as the board writes it.
 
         Args:
             sparql: the query.
             media_types: an Accept header, such as `text/csv`.
-            at: as in `query`.
 
         Raises:
             NotAcceptable: the result cannot be written in any of these types.
         """
-        return (self._send(exchange.sparql(sparql, at, media_types))).content
+        return (self._send(exchange.sparql(sparql, media_types))).content
 
     def export(self, format: ExportFormat = "yaml", *, at: Time | None = None) -> Iterator[bytes]:
         """Everything on the board, or what holds at a time, in pieces as they arrive."""

@@ -233,13 +233,12 @@ def listing(
     return Request("GET", "/fluents", params=params, headers={"Accept": "application/json"})
 
 
-def sparql(query: str, at: Time | None, media_types: str = _ANY_RESULT) -> Request:
-    """A SPARQL query of any form, over all of history or over what holds at a time."""
+def sparql(query: str, media_types: str = _ANY_RESULT) -> Request:
+    """A SPARQL query of any form."""
     # As a form in the body, because a query may be longer than an address can be.
     return Request(
         "POST",
         "/sparql",
-        params=_params(at=at),
         form={"query": query},
         headers={"Accept": media_types},
     )

@@ -103,7 +103,7 @@ def work_mapping(
     """
     _log_to_stderr(verbose)
     with _needs("mapping"):
-        from fluentboard_modules.mapping.run import run_mapping
+        from fluentboard_modules.mapping.worker import run_mapping
     report = run_mapping(
         frames,
         board,

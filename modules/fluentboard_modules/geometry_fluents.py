@@ -11,6 +11,7 @@ from fluentboard.model.interval import UNKNOWN, Interval
 
 _COORDINATES = ("hasX", "hasY", "hasZ", "hasRoll", "hasPitch", "hasYaw")
 _POSITION = _COORDINATES[:3]
+_DIGITS = 5  # a hundredth of a millimetre; xsd:float holds no more for places within a building
 _SIZES = ("hasXSize", "hasYSize", "hasZSize")
 
 
@@ -18,9 +19,9 @@ def pose_fluent(name: str, pose: Pose, start: Interval) -> Fluent:
     """A pose as an open fluent; angles of 0 are left out, as in the listing."""
     values = dict(zip(_COORDINATES, (pose.x, pose.y, pose.z, *pose.rpy), strict=True))
     properties = tuple(
-        Property(key, "xsd:float", float(value))
+        Property(key, "xsd:float", round(float(value), _DIGITS))
         for key, value in values.items()
-        if key in _POSITION or abs(value) > 1e-9
+        if key in _POSITION or round(value, _DIGITS) != 0.0
     )
     return Fluent(name, "Pose", start, UNKNOWN, properties)
 
@@ -30,7 +31,7 @@ def box_fluents(name: str, pose_name: str, box: BoundingBox, start: Interval) ->
     sizes = zip(_SIZES, (box.x_size, box.y_size, box.z_size), strict=True)
     properties = (
         Property("hasPose", "Pose", pose_name),
-        *(Property(key, "xsd:float", float(size)) for key, size in sizes),
+        *(Property(key, "xsd:float", round(float(size), _DIGITS)) for key, size in sizes),
     )
     return [
         Fluent(name, "BBox", start, UNKNOWN, properties),

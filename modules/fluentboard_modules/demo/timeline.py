@@ -74,8 +74,13 @@ def rows_of(fluents: Iterable[Fluent], classes: Sequence[str]) -> list[Row]:
     return rows
 
 
-def time_span(rows: Sequence[Row]) -> tuple[float, float]:
-    """Earliest and latest time that any of the rows names; (0, 1) if none names any."""
+def time_span(rows: Sequence[Row], *also_s: float) -> tuple[float, float]:
+    """Earliest and latest time that any of the rows names; (0, 1) if none names any.
+
+    Args:
+        rows: of the picture.
+        also_s: further times to include, such as those of the first and the last frame.
+    """
     fluents = [fluent for row in rows for fluent in (row.thing, *row.poses)]
     times = [
         time_s
@@ -84,6 +89,7 @@ def time_span(rows: Sequence[Row]) -> tuple[float, float]:
         for time_s in (interval.earliest, interval.latest)
         if time_s is not None
     ]
+    times += also_s
     if not times:
         return 0.0, 1.0
     first, last = min(times), max(times)
@@ -134,7 +140,9 @@ def draw_timeline(
     _draw_legend(axes)
 
 
-def save_timeline(rows: Sequence[Row], path: Path, *, title: str = "") -> Path:
+def save_timeline(
+    rows: Sequence[Row], span_s: tuple[float, float], path: Path, *, title: str = ""
+) -> Path:
     """Draws the rows into a picture of their own and returns its path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -142,7 +150,7 @@ def save_timeline(rows: Sequence[Row], path: Path, *, title: str = "") -> Path:
     figure = Figure(figsize=(10.0, 1.5 + _ROW_INCHES * max(len(rows), 1)), dpi=160)
     FigureCanvasAgg(figure)
     figure.set_facecolor(_PAPER)
-    draw_timeline(figure.subplots(), rows, time_span(rows), title=title)
+    draw_timeline(figure.subplots(), rows, span_s, title=title)
     figure.savefig(path, bbox_inches="tight", pad_inches=0.15)
     return path
 

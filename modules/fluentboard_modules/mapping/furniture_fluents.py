@@ -24,7 +24,7 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
-from fluentboard_modules.mapping.furniture_map import FurnitureItem, FurniturePlane, box_overlap
+from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 
 
