@@ -41,6 +41,10 @@ class BoundEvaluation:
     tier: ClassVar[int] = 2
     _empty: Bag | None = field(default=None, init=False)
 
+    def support_of(self, solutions: Bag) -> Bag:
+        """The support that the solutions of `view.text` give."""
+        return self.view.support(solutions)
+
     def difference(self, change: EventChange) -> Difference:
         """How the event changes the support of the result."""
         after = self.schema.evaluate(self.text, change.after_quads)

@@ -32,10 +32,25 @@ class EventChange:
     vocabulary: Vocabulary
 
     @cached_property
+    def _moves(self) -> tuple[list[Statement], list[Statement]]:
+        added, removed = event_lines(self.event, self.vocabulary)
+        return [statement_of(line) for line in added], [statement_of(line) for line in removed]
+
+    @property
+    def added(self) -> list[Statement]:
+        """The statements that came."""
+        return self._moves[0]
+
+    @property
+    def removed(self) -> list[Statement]:
+        """The statements that went."""
+        return self._moves[1]
+
+    @property
     def statements(self) -> list[Statement]:
         """The statements that came or went."""
-        added, removed = event_lines(self.event, self.vocabulary)
-        return [statement_of(line) for line in (*added, *removed)]
+        added, removed = self._moves
+        return added + removed if removed else added
 
     @cached_property
     def after_quads(self) -> list[ox.Quad]:

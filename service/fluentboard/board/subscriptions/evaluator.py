@@ -19,12 +19,15 @@ from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, eval
 from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
 from fluentboard.board.subscriptions.router import Router
 from fluentboard.board.subscriptions.schema import Schema
+from fluentboard.board.subscriptions.semi_naive import SemiNaive, moves_of
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.standing import Names, Plan, StandingQuery, net
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.errors import FluentboardError
 
 logger = logging.getLogger(__name__)
+
+_ADVANCE_TRIES = 4
 
 
 class Evaluator:
@@ -159,20 +162,22 @@ class Evaluator:
         self._router.add(standing)
         self._stale[standing] = None
         try:
-            commit, chosen, bag = self._evaluate(standing, is_only=is_only)
+            commit, chosen, solutions = self._evaluate(standing, is_only=is_only)
         except FluentboardError as problem:
             self._forget(standing)
             subscription.put(Failed(problem))
             return False
         self._router.remove(standing)
-        standing.start(commit, chosen, bag)
+        standing.start(commit, chosen, solutions)
         self._router.add(standing)
         self._resume(standing, commit)
         return True
 
     def _reevaluate(self, standing: StandingQuery) -> None:
         try:
-            commit, chosen, bag = self._evaluate(standing)
+            if isinstance(standing.plan, SemiNaive) and self._advance(standing, standing.plan):
+                return
+            commit, chosen, solutions = self._evaluate(standing)
         except FluentboardError as problem:
             logger.warning("a standing query failed and is given up: %s", problem)
             self._fail(standing, problem)
@@ -180,40 +185,66 @@ class Evaluator:
         covered = [change for change in standing.pending if change.number <= commit]
         if covered:
             self._router.remove(standing)
-            outcome = standing.replace(covered, chosen, bag)
+            outcome = standing.replace(covered, chosen, solutions)
             self._router.add(standing)
             self._tell(standing, *outcome)
         self._resume(standing, commit)
 
-    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Plan, Bag]:
-        """The present support and its commit, with all commits up to that one routed."""
-        try:
-            while True:
-                routed, schema = self.routed, self._schema
-                chosen = standing.plan
-                if standing.schema is not schema:
-                    chosen = self._plan(standing.query)
-                commit, bag = evaluate(
-                    self._board, chosen.view, relabel=standing.query.makes_blank_nodes
-                )
-                if is_only:
-                    # No query needs the commits before.
-                    self.routed = max(self.routed, commit)
+    def _advance(self, standing: StandingQuery, join: SemiNaive) -> bool:
+        """Evaluates a join for the changed statements alone; False if that does not do."""
+        for _ in range(_ADVANCE_TRIES):
+            covered = list(standing.pending)
+            if any(change.commit.statements for change in covered):
+                return False
+            moves = moves_of(covered)
+            question = join.question(moves)
+            if question is None:
+                return False
+            found: Bag = {}
+            if question:
+                commit, found = self._ask(standing, question)
                 if not self._arrive(commit):
-                    raise FluentboardError(
-                        f"the board does not tell of commit {commit} though queries see it; look "
-                        "for errors in its log, then subscribe again"
-                    )
-                # An ontology is applied in several steps, which a query may fall between. All of
-                # them are done when the commit is told of, so then it is asked again.
-                if self._ontology_routed <= routed:
-                    standing.schema = schema
-                    return commit, chosen, bag
+                    return False
+                if any(change.number <= commit for change in standing.pending[len(covered) :]):
+                    # The answer reflects later commits too: ask again, for those as well.
+                    continue
+            outcome = standing.apply(covered, join.advance(moves, found))
+            if outcome is None:
+                self._complain(standing, covered[-1])
+                return False
+            self._tell(standing, *outcome)
+            self._resume(standing, covered[-1].number)
+            return True
+        return False
+
+    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Plan, Bag]:
+        """A full evaluation and its commit, with all commits up to that one routed."""
+        while True:
+            routed, schema = self.routed, self._schema
+            chosen = standing.plan if standing.schema is schema else self._plan(standing.query)
+            commit, solutions = self._ask(standing, chosen.view.text)
+            if is_only:
+                # No query needs the commits before.
+                self.routed = max(self.routed, commit)
+            if not self._arrive(commit):
+                raise FluentboardError(
+                    f"the board does not tell of commit {commit} though queries see it; look for "
+                    "errors in its log, then subscribe again"
+                )
+            # An ontology is applied in several steps, which a query may fall between. All of them
+            # are done when the commit is told of, so then it is asked again.
+            if self._ontology_routed <= routed:
+                standing.schema = schema
+                return commit, chosen, solutions
+
+    def _ask(self, standing: StandingQuery, text: str) -> tuple[int, Bag]:
+        try:
+            return evaluate(self._board, text, relabel=standing.query.makes_blank_nodes)
         except FluentboardError:
             raise
         except Exception as problem:
             # One query must not stop the others, whatever is wrong with it.
-            logger.exception("a standing query could not be evaluated: %s", standing.query.text)
+            logger.exception("a standing query could not be evaluated: %s", text)
             raise FluentboardError(f"the query could not be evaluated: {problem}") from problem
 
     def _plan(self, query: ParsedQuery) -> Plan:
@@ -225,7 +256,7 @@ class Evaluator:
         standing.pending = []
         self._stale.pop(standing, None)
         for number, change in enumerate(later):
-            if isinstance(standing.plan, Reevaluation) or change.commit.statements:
+            if isinstance(standing.plan, Reevaluation | SemiNaive) or change.commit.statements:
                 standing.pending = later[number:]
                 self._stale[standing] = None
                 return
@@ -236,21 +267,24 @@ class Evaluator:
     ) -> None:
         """Moves a query that is not stale over one commit, without evaluating it."""
         by = NO_DIFFERENCE
-        if not isinstance(standing.plan, Reevaluation):
+        if not isinstance(standing.plan, Reevaluation | SemiNaive):
             by = net(standing.plan.difference(event) for event in events)
         outcome = standing.apply([change], by)
         if outcome is None:
-            logger.error(
-                "tier %s disagrees with the result of a standing query at commit %s; the query is "
-                "evaluated again: %s",
-                standing.plan.tier,
-                change.number,
-                standing.query.text,
-            )
+            self._complain(standing, change)
             standing.pending.append(change)
             self._stale[standing] = None
             return
         self._tell(standing, *outcome)
+
+    def _complain(self, standing: StandingQuery, change: CommitChange) -> None:
+        logger.error(
+            "tier %s disagrees with the result of a standing query at commit %s; the query is "
+            "evaluated again: %s",
+            standing.plan.tier,
+            change.number,
+            standing.query.text,
+        )
 
     def _tell(self, standing: StandingQuery, change: Change | None, names: Names) -> None:
         self._router.update_names(standing, names)

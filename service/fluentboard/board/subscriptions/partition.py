@@ -19,7 +19,7 @@ asked of, must be BOUND: otherwise a solution could come from one fluent and mee
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import Enum
 
 from fluentboard.board.subscriptions.footprint import ANYTHING, Shape
@@ -193,15 +193,15 @@ def _keys_of(
         key: Shape = (None, predicate.text, target.text)
         return frozenset({key}), _rank(key)
     if predicate.text == TYPE and isinstance(target, Var):
-        classes = _allowed_classes(target, beside, schema)
+        classes = admitted_classes(target, beside, schema)
         if classes is not None and len(classes) <= _CLASS_KEYS_MAX:
             return frozenset((None, TYPE, name) for name in classes), 2
     key = (None, predicate.text, None)
     return frozenset({key}), _rank(key)
 
 
-def _allowed_classes(
-    variable: Var, patterns: tuple[Pattern, ...], schema: Schema
+def admitted_classes(
+    variable: Var, patterns: Iterable[Pattern], schema: Schema
 ) -> frozenset[str] | None:
     """Classes that closure patterns beside it admit for a type variable; None for all."""
     found: frozenset[str] | None = None

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
+import pyoxigraph as ox
 from rdflib import BNode, Literal, URIRef, Variable
 from rdflib.namespace import XSD
 from rdflib.paths import Path, SequencePath
@@ -284,8 +285,18 @@ def _place(term: Any) -> Place:
     if isinstance(term, URIRef):
         return Const(f"<{term}>")
     if isinstance(term, Literal):
-        return Const(term.n3(), not term.language and term.datatype in _EXACT_LITERALS)
+        return _literal(term)
     return Const(str(term), is_exact=False)
+
+
+def _literal(term: Literal) -> Const:
+    datatype = None if term.datatype is None else ox.NamedNode(str(term.datatype))
+    literal = (
+        ox.Literal(str(term), language=term.language)
+        if term.language
+        else ox.Literal(str(term), datatype=datatype)
+    )
+    return Const(str(literal), not term.language and term.datatype in _EXACT_LITERALS)
 
 
 def _expression(node: Any) -> Expression:

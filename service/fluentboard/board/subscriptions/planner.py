@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 
-from fluentboard.board.subscriptions.bind_changed import bound_evaluation
+from fluentboard.board.subscriptions.bind_changed import BoundEvaluation, bound_evaluation
 from fluentboard.board.subscriptions.partition import NotASum
 from fluentboard.board.subscriptions.patterns import Select, select_of
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Reevaluation
 from fluentboard.board.subscriptions.schema import Schema
+from fluentboard.board.subscriptions.semi_naive import SemiNaive, semi_naive
 from fluentboard.board.subscriptions.standing import Plan
 from fluentboard.board.subscriptions.stars import Star, star
 from fluentboard.board.subscriptions.syntax_tree import tree_of
@@ -31,15 +32,18 @@ def plan(query: ParsedQuery, schema: Schema, first_tier: int = 1) -> Plan:
     if first_tier <= Star.tier:
         with contextlib.suppress(NotASum):
             return star(query, select, schema)
+    if first_tier <= BoundEvaluation.tier:
+        with contextlib.suppress(NotASum):
+            return bound_evaluation(query, select, schema)
     try:
-        return bound_evaluation(query, select, schema)
+        return semi_naive(query, select, schema)
     except NotASum as reason:
         return Reevaluation(query, f"no cheaper tier is sound: {reason}")
 
 
 def explanation(query: ParsedQuery, chosen: Plan) -> str:
     """Which tier a query has, and why, for people."""
-    if not isinstance(chosen, Reevaluation):
+    if not isinstance(chosen, Reevaluation | SemiNaive):
         concerned = f"events of fluents that have one of {len(chosen.keys)} keys"
     elif query.footprint.is_everything:
         concerned = f"every commit, because {query.footprint.why_everything}"

@@ -63,15 +63,19 @@ class Reevaluation:
         """The result is what the store answers."""
         return View(self.query.text, self.query.variables, "bag")
 
+    def support_of(self, solutions: Bag) -> Bag:
+        """The result itself."""
+        return solutions
 
-def evaluate(board: Board, view: View, *, relabel: bool) -> tuple[int, Bag]:
-    """The present support of a result, and the commit it is exact at.
+
+def evaluate(board: Board, text: str, *, relabel: bool = False) -> tuple[int, Bag]:
+    """The present answer to a query, and the commit it is exact at.
 
     Raises:
         InvalidQuery: the store cannot evaluate it, for example for an unknown function.
     """
     try:
-        commit, results = board.snapshot_query(view.text)
-        return commit, view.support(bag_of(results, relabel=relabel))
+        commit, results = board.snapshot_query(text)
+        return commit, bag_of(results, relabel=relabel)
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None

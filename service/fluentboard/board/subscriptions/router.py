@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
 from fluentboard.board.subscriptions.key_index import KeyIndex
 from fluentboard.board.subscriptions.reevaluate import Reevaluation
+from fluentboard.board.subscriptions.semi_naive import SemiNaive
 from fluentboard.board.subscriptions.standing import Names, StandingQuery
 from fluentboard.board.subscriptions.touch_index import TouchIndex
 
@@ -55,7 +56,7 @@ class Router:
         self._queries[standing.query.text] = standing
         plan, shapes = standing.plan, standing.query.footprint.shapes
         self._by_outside.add(standing, shapes)
-        if isinstance(plan, Reevaluation):
+        if isinstance(plan, Reevaluation | SemiNaive):
             self._by_event.add(standing, shapes)
         else:
             self._by_key.add(standing, plan.keys)
@@ -65,7 +66,7 @@ class Router:
         self._queries.pop(standing.query.text, None)
         plan, shapes = standing.plan, standing.query.footprint.shapes
         self._by_outside.remove(standing, shapes)
-        if isinstance(plan, Reevaluation):
+        if isinstance(plan, Reevaluation | SemiNaive):
             self._by_event.remove(standing, shapes)
         else:
             self._by_key.remove(standing, plan.keys)

@@ -77,3 +77,24 @@ def as_select_all(query: str) -> str | None:
         else:
             return None
     return query[: form.start()] + "SELECT *" + query[rest:]
+
+
+def prologue(query: str) -> str:
+    """The prefix declarations before the query form."""
+    form = _FORM.search(blanked(query))
+    return "" if form is None else query[: form.start()]
+
+
+def filter_texts(query: str) -> list[str]:
+    """The texts of all filters, the word FILTER included, in their order."""
+    plain = blanked(query)
+    found: list[str] = []
+    for word in re.finditer(r"(?i)(?<![\w:?$.-])filter(?![\w:-])", plain):
+        opening = plain.find("(", word.end())
+        depth = 0
+        for position in range(max(opening, 0), len(plain)):
+            depth += {"(": 1, ")": -1}.get(plain[position], 0)
+            if depth == 0:
+                found.append(query[word.start() : position + 1])
+                break
+    return found

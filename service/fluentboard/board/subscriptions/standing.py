@@ -22,6 +22,7 @@ from fluentboard.board.subscriptions.results import (
     fluents_in,
 )
 from fluentboard.board.subscriptions.schema import Schema
+from fluentboard.board.subscriptions.semi_naive import SemiNaive
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.board.subscriptions.touch_index import matches
@@ -46,6 +47,10 @@ class Incremental(Protocol):
         """How the result follows from the support that `difference` speaks of."""
         ...
 
+    def support_of(self, solutions: Bag) -> Bag:
+        """The support that the solutions of `view.text` give."""
+        ...
+
     @property
     def keys(self) -> frozenset[Shape]:
         """A fluent without a statement of one of these shapes contributes nothing."""
@@ -56,7 +61,7 @@ class Incremental(Protocol):
         ...
 
 
-Plan = Reevaluation | Incremental
+Plan = Reevaluation | SemiNaive | Incremental
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,10 +115,10 @@ class StandingQuery:
         """Fluents in the result; empty unless `tells_events`."""
         return () if self._names is None else self._names.keys()
 
-    def start(self, commit: int, plan: Plan, bag: Bag) -> None:
-        """Sets the first support."""
+    def start(self, commit: int, plan: Plan, solutions: Bag) -> None:
+        """Takes over the first evaluation."""
         self.plan = plan
-        self.bag = bag
+        self.bag = plan.support_of(solutions)
         self._ring_start = commit
 
     def tell_events(self, commit: int) -> set[str]:
@@ -140,9 +145,10 @@ class StandingQuery:
         return self._answer
 
     def replace(
-        self, covered: Sequence[CommitChange], plan: Plan, bag: Bag
+        self, covered: Sequence[CommitChange], plan: Plan, solutions: Bag
     ) -> tuple[Change | None, Names]:
-        """Takes over a fresh support, and perhaps a new plan, that covers some commits."""
+        """Takes over a fresh evaluation, and perhaps a new plan, that covers some commits."""
+        bag = plan.support_of(solutions)
         change = difference(self.plan.view.result(self.bag), plan.view.result(bag))
         self.plan = plan
         self.bag = bag

@@ -85,6 +85,10 @@ class Star:
     rays: tuple[_Ray, ...]
     tier: ClassVar[int] = 1
 
+    def support_of(self, solutions: Bag) -> Bag:
+        """The support that the solutions of `view.text` give."""
+        return self.view.support(solutions)
+
     def difference(self, change: EventChange) -> Difference:
         """How the event changes the support of the result."""
         after = self.matches(change.after)

@@ -33,21 +33,31 @@ class View:
         kind: "bag": the support is the result; "set": each solution counts once; "any": the result
             is one empty solution if there is support.
         template: makes triples of the solutions (CONSTRUCT), or None.
+        projected: columns of the result, where the solutions have more; None if they have not.
     """
 
     text: str
     variables: tuple[str, ...]
     kind: Kind
     template: tuple[Pattern, ...] | None = None
+    projected: tuple[str, ...] | None = None
 
     def support(self, solutions: Mapping[Solution, int]) -> Bag:
         """The support that the solutions of `text` give."""
         if self.kind == "any":
             count = sum(solutions.values())
             return {(): count} if count else {}
-        if self.template is None:
-            return dict(solutions)
         made: Counter[Solution] = Counter()
+        if self.template is None:
+            if self.projected is None:
+                return dict(solutions)
+            columns = [
+                self.variables.index(name) if name in self.variables else None
+                for name in self.projected
+            ]
+            for solution, count in solutions.items():
+                made[tuple(None if c is None else solution[c] for c in columns)] += count
+            return dict(made)
         for solution, count in solutions.items():
             bound = dict(zip(self.variables, solution, strict=True))
             for pattern in self.template:
