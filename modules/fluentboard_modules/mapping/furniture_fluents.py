@@ -182,7 +182,6 @@ class FurnitureFluents:
             (box_overlap(known.estimate.box, item.box), known)
             for known in remembered
             if known.estimate.class_name == item.class_name
-            and known.confirmed_s <= item.last_seen_s
         ]
         best = max(rated, key=lambda pair: pair[0], default=None)
         if best is None or best[0] < self.config.same_place_overlap:
