@@ -39,8 +39,8 @@ class Camera:
     def __post_init__(self) -> None:
         if self.width <= 0 or self.height <= 0 or not (self.fx > 0.0 and self.fy > 0.0):
             raise InvalidFrame(
-                f"camera of {self.width}x{self.height} px with focal lengths {self.fx}, {self.fy} px; "
-                "all four must be positive"
+                f"camera of {self.width}x{self.height} px with focal lengths {self.fx}, {self.fy}; "
+                "give positive numbers of pixels"
             )
 
     def rays(self) -> FloatArray:
@@ -77,6 +77,8 @@ class SensorFrame:
         labels: `(h, w)` int32 instance ids (0 = background), where the source knows the truth.
         sensor: name of the sensor.
         index: running number within its source.
+        cloud_sensor: `(n, 3)`; all points in the depth camera's frame, in metres, where the source
+            is an unorganised cloud and the depth image only one view of it.
 
     Raises:
         InvalidFrame: an image has the wrong shape or type.
@@ -92,6 +94,7 @@ class SensorFrame:
     labels: NDArray[np.int32] | None = None
     sensor: str = "camera"
     index: int = 0
+    cloud_sensor: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape = (self.camera.height, self.camera.width)
@@ -106,7 +109,12 @@ class SensorFrame:
             )
         if self.colour is not None and (self.colour.ndim != 3 or self.colour.shape[2] != 3):
             raise InvalidFrame(
-                f"frame {self.index}: colour image has shape {self.colour.shape}, expected (h, w, 3)"
+                f"frame {self.index}: colour image has shape {self.colour.shape}, not (h, w, 3)"
+            )
+        cloud = self.cloud_sensor
+        if cloud is not None and (cloud.ndim != 2 or cloud.shape[1] != 3):
+            raise InvalidFrame(
+                f"frame {self.index}: cloud has shape {cloud.shape}, expected (n, 3)"
             )
 
     @property
