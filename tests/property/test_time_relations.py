@@ -21,6 +21,7 @@ from fluentboard.model.relations import (
     duration_bounds,
     holding_certainty,
     holding_period,
+    holding_periods,
     own_certainty,
     related,
     relation_certainty,
@@ -158,6 +159,8 @@ def test_holding_agrees_with_the_period_of_holding(bounds: Bounds):
         for certainty in Certainty:
             begin, end = holding_period(bounds, certainty)
             assert (begin <= time_s < end) is (found >= certainty)
+            begins, ends = holding_periods(np.array([bounds]).T, certainty)
+            assert ([begin], [end]) == (begins.tolist(), ends.tolist())
 
 
 @given(*(st.integers(1, LAST) for _ in range(4)))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
-import numpy as np
 import pyoxigraph as ox
 
 from fluentboard.board.class_closure import use_class_closure
@@ -23,35 +23,23 @@ from fluentboard.board.commands import (
 from fluentboard.board.events import Commit
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.board.journal import Durability, SqliteJournal
+from fluentboard.board.listing import Listing, Page
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
-from fluentboard.board.store import EmbeddedStore, QueryResults
-from fluentboard.board.triples import fluent_name, is_written, terms_written
+from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
+from fluentboard.board.time_functions import Function, mentions_functions, time_functions
+from fluentboard.board.time_view import Perspective
+from fluentboard.board.time_views import TimedResults, TimeViews
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
 from fluentboard.errors import FluentboardError, InvalidInput
 from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.interval import Certainty
+from fluentboard.model.relations import Bounds
 from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
-
-
-_ROWS_AT_ONCE = 1_000
-_CANDIDATES_MAX = 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class Page:
-    """A part of a listing.
-
-    Attributes:
-        fluents: as they stand, or stood, in the order of their first assertion.
-        next: where the next page starts, or None after the last.
-    """
-
-    fluents: tuple[Fluent, ...]
-    next: int | None
 
 
 class Blackboard:
@@ -72,6 +60,8 @@ class Blackboard:
         self._journal = projections.journal
         self.clock = clock
         self._projector = Projector(projections)
+        self._views = TimeViews(projections, self._projector, clock)
+        self._listing = Listing(projections, self._projector)
         self._writer = Writer(projections, self._projector, clock)
 
     @classmethod
@@ -218,75 +208,68 @@ class Blackboard:
         Raises:
             UnknownClass: the filter names a class that no ontology declares.
         """
-        index = self._projections.index
-        # All of the page is as believed after one commit, whatever is written meanwhile.
-        as_of = self.commit if wanted.as_of is None else min(wanted.as_of, self.commit)
-        rows = index.rows(replace(wanted, as_of=as_of), self._class_test(wanted))
-        rows = rows[np.searchsorted(rows, after) :]
-        may_have = self._candidates(wanted, as_of)
-        found: list[Fluent] = []
-        for start in range(0, rows.size, _ROWS_AT_ONCE):
-            for row in rows[start : start + _ROWS_AT_ONCE].tolist():
-                name = index.name(row)
-                if may_have is not None and name not in may_have:
-                    continue
-                if len(found) == limit and wanted.property_name is None:
-                    return Page(tuple(found), row)
-                fluent = self.fluent(name, as_of)
-                if not self._has_property(fluent, wanted):
-                    continue
-                if len(found) == limit:
-                    return Page(tuple(found), row)
-                found.append(fluent)
-        return Page(tuple(found), None)
-
-    def _has_property(self, fluent: Fluent, wanted: FluentFilter) -> bool:
-        if wanted.property_name is None:
-            return True
-        values = fluent.values(self.vocabulary.property_name(wanted.property_name))
-        text = wanted.property_value
-        return bool(values) if text is None else any(is_written(v, text) for v in values)
-
-    def _candidates(self, wanted: FluentFilter, as_of: int) -> set[str] | None:
-        """Names of the fluents that may have the wanted property; None if that would be many."""
-        if wanted.property_name is None:
-            return None
-        self._projector.wait_for(as_of)
-        store, text = self._projections.store, wanted.property_value
-        terms = [None] if text is None else terms_written(text)
-        iri = self.vocabulary.property_iri(wanted.property_name)
-        # Values are only ever added, but for corrections: who has none now had none then.
-        found = self._journal.corrected(as_of)
-        for value in terms:
-            subjects = store.subjects(iri, value, limit=_CANDIDATES_MAX)
-            if len(subjects) == _CANDIDATES_MAX:
-                return None
-            found.update(name for name in map(fluent_name, subjects) if name is not None)
-        return found
-
-    def _class_test(self, wanted: FluentFilter) -> Callable[[str], bool]:
-        if wanted.class_name is None:
-            return lambda _name: True
-        vocabulary = self.vocabulary
-        below = vocabulary.subclasses(vocabulary.class_iri(wanted.class_name))
-        return lambda name: vocabulary.class_iri(name) in below
+        return self._listing.page(wanted, after, limit)
 
     def query(
         self,
         sparql: str,
         *,
-        default_graphs: Sequence[ox.NamedNode | ox.BlankNode | ox.DefaultGraph] | None = None,
+        at: float | Literal["now"] | None = None,
+        as_of: int | None = None,
+        certainty: Certainty = Certainty.POSSIBLE,
+        default_graphs: Sequence[GraphName] | None = None,
         named_graphs: Sequence[ox.NamedNode | ox.BlankNode] | None = None,
     ) -> QueryResults:
-        """The results of a SPARQL query over the whole history of facts.
+        """The results of a SPARQL query, by default over the whole history of facts.
+
+        Args:
+            sparql: the query; it may call the functions of `time_functions`.
+            at: sees only the fluents that hold at this time in seconds, or at the clock's.
+            as_of: sees what was believed after this commit.
+            certainty: whether `at` shows what may hold or only what surely does.
+            default_graphs: merged into the default graph; by default the board's own.
+            named_graphs: what `GRAPH` sees; by default all.
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
+            InvalidTime: `at` is NaN.
         """
+        if at is not None or as_of is not None or mentions_functions(sparql):
+            return self.timed_query(
+                sparql,
+                at=at,
+                as_of=as_of,
+                certainty=certainty,
+                default_graphs=default_graphs,
+                named_graphs=named_graphs,
+            ).results
         if default_graphs is None:
             sparql = self._rewritten(sparql)
         self._projector.wait_for(self.commit)
         return self._projections.store.query(sparql, default_graphs, named_graphs)
+
+    def timed_query(
+        self,
+        sparql: str,
+        *,
+        at: float | Literal["now"] | None = None,
+        as_of: int | None = None,
+        certainty: Certainty = Certainty.POSSIBLE,
+        default_graphs: Sequence[GraphName] | None = None,
+        named_graphs: Sequence[ox.NamedNode | ox.BlankNode] | None = None,
+    ) -> TimedResults:
+        """Like `query`, with the commit and the time that the results are exact at."""
+        if at is not None or as_of is not None:
+            perspective = Perspective(at, as_of, certainty)
+            return self._views.query(sparql, perspective, default_graphs, named_graphs)
+        self._projector.wait_for(self.commit)
+        commit, results = self._projections.store.snapshot_query(
+            self._rewritten(sparql) if default_graphs is None else sparql,
+            functions_at=self._functions(sparql),
+            default_graphs=default_graphs,
+            named_graphs=named_graphs,
+        )
+        return TimedResults(results, commit)
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
         """The results of a query, with the number of the commit that they are exact at.
@@ -295,7 +278,31 @@ class Blackboard:
         """
         # The rewritten query is right only where the class hierarchy of this vocabulary is stored.
         self._projector.wait_for(self._projections.vocabulary_commit)
-        return self._projections.store.snapshot_query(self._rewritten(sparql))
+        return self._projections.store.snapshot_query(
+            self._rewritten(sparql), functions_at=self._functions(sparql)
+        )
+
+    def next_change_s(self, certainty: Certainty = Certainty.POSSIBLE) -> float:
+        """When the clock alone changes next what holds now, in seconds; infinite if it does not.
+
+        A commit may bring it forward or put it off.
+        """
+        return self._views.next_change_s(certainty)
+
+    def _functions(self, sparql: str) -> Callable[[int], Mapping[ox.NamedNode, Function]] | None:
+        """The extension functions that a query calls, for the commit it is evaluated at."""
+        if not mentions_functions(sparql):
+            return None
+        index, now_s = self._projections.index, self.clock.now_s()
+
+        def functions_at(commit: int) -> Mapping[ox.NamedNode, Function]:
+            def bounds_of(name: str) -> Bounds | None:
+                row = index.row(name)
+                return None if row is None else index.bounds(row, commit)
+
+            return time_functions(sparql, bounds_of, now_s)
+
+        return functions_at
 
     def listen(self, callback: Listener) -> Callable[[], None]:
         """Has every group of commits passed on as soon as it is applied.
@@ -327,6 +334,7 @@ class Blackboard:
     def close(self) -> None:
         """Finishes what was asked for, then lets go of all files. Closing twice is harmless."""
         if self._writer.close():
+            self._views.close()
             self._projector.close()
             self._projections.close()
 

@@ -6,7 +6,7 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -169,17 +169,35 @@ class EmbeddedStore:
         except (ValueError, OSError) as problem:
             raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
 
-    def snapshot_query(self, sparql: str, **options: Any) -> tuple[int, QueryResults]:
-        """The results of a query, with the number of the commit they are exact at."""
+    def snapshot_query(
+        self,
+        sparql: str,
+        *,
+        functions_at: Callable[[int], Mapping[ox.NamedNode, Any]] | None = None,
+        **options: Any,
+    ) -> tuple[int, QueryResults]:
+        """The results of a query, with the number of the commit they are exact at.
+
+        Args:
+            sparql: the query.
+            functions_at: gives the extension functions for a query of that commit.
+            options: as for `query`.
+        """
+
+        def ask(commit: int) -> QueryResults:
+            if functions_at is None:
+                return self.query(sparql, **options)
+            return self.query(sparql, custom_functions=dict(functions_at(commit)), **options)
+
         for _ in range(4):
             sequence = self._sequence
             if sequence % 2 == 0:
                 commit = self._applied
-                results = self.query(sparql, **options)
+                results = ask(commit)
                 if self._sequence == sequence:
                     return commit, results
         with self._applying:
-            return self._applied, self.query(sparql, **options)
+            return self._applied, ask(self._applied)
 
     def subjects(
         self, predicate: str, value: ox.NamedNode | ox.Literal | None = None, *, limit: int

@@ -308,6 +308,14 @@ def holding_period(bounds: Bounds, certainty: Certainty) -> tuple[float, float]:
     return (s2, f1) if certainty is Certainty.CERTAIN else (s1, f2)
 
 
+def holding_periods(bounds: FloatArray, certainty: Certainty) -> tuple[FloatArray, FloatArray]:
+    """The times [begin, end) `(n,)` of many fluents, given as `(4, n)`; see `holding_period`."""
+    if certainty is Certainty.IMPOSSIBLE:
+        ever = np.full(len(bounds[0]), math.inf)
+        return -ever, ever
+    return (bounds[1], bounds[2]) if certainty is Certainty.CERTAIN else (bounds[0], bounds[3])
+
+
 def duration_bounds(bounds: Bounds) -> tuple[float, float]:
     """The least and the greatest time that a fluent may have held, in seconds.
 
