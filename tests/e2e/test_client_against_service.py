@@ -187,11 +187,13 @@ def test_closing_from_another_thread_ends_the_iteration(board: Client) -> None:
 
 def test_subscriber_knows_what_it_missed_while_the_service_was_killed(tmp_path: Path) -> None:
     data = tmp_path / "board"
-    first = ServiceProcess(data)
-    first.start()
-    port = int(first.address.rpartition(":")[2])
     mugs: set[Term | None] = set()
-    with Client(first.address) as board, board.subscribe(MUGS) as subscription:
+    with (
+        ServiceProcess(data) as first,
+        Client(first.address) as board,
+        board.subscribe(MUGS) as subscription,
+    ):
+        port = int(first.address.rpartition(":")[2])
         board.assert_fluents(a_mug("before"))
         assert expect(subscription, rows=1)
         first.kill()
