@@ -10,42 +10,21 @@ A path is rewritten only where both forms have the same answers:
   `rdf:type` (`rdf:type/rdfs:subClassOf*`). With two free ends, or an end outside the hierarchy,
   `*` also relates a term to itself, whatever it is: that form is left to the engine.
 
-Inside `GRAPH` and `SERVICE` nothing is rewritten: the hierarchy is about the default graph.
+Inside `GRAPH` and `SERVICE`, and in a query with `FROM`, nothing is rewritten: the hierarchy is about
+the default graph.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
+from fluentboard.board.sparql_tokens import Token, declared_prefixes, has_word, tokens_of
 from fluentboard.board.vocabulary import (
     PROPER_SUB_CLASS_OF,
     RDF_TYPE,
     SUB_CLASS_OF,
     SUB_CLASS_OF_OR_SAME,
 )
-
-_TOKEN = re.compile(
-    r"""
-    (?P<space>\s+|\#[^\n\r]*)
-  | (?P<string>\"\"\"(?:\\.|\"{0,2}[^"\\])*\"\"\"|'''(?:\\.|'{0,2}[^'\\])*'''
-        |"(?:\\.|[^"\\\n\r])*"|'(?:\\.|[^'\\\n\r])*')
-  | (?P<iri><[^<>"{}|^`\\\x00-\x20]*>)
-  | (?P<variable>[?$]\w+)
-  | (?P<name>[^\W\d_][\w.-]*)?:(?P<local>(?:[\w:.-]|%[0-9A-Fa-f]{2}|\\[_~.\-!$&'()*+,;=/?\#@%])*)
-  | (?P<word>[A-Za-z_]\w*)
-  | (?P<other>.)
-    """,
-    re.VERBOSE | re.DOTALL,
-)
-
-
-class _Token(NamedTuple):
-    kind: str
-    text: str
-    start: int
-    end: int
 
 
 def use_class_closure(
@@ -60,8 +39,10 @@ def use_class_closure(
     """
     if "subClassOf" not in query:
         return query
-    tokens = _tokens(query)
-    known = {**prefixes, **_declared(tokens)}
+    tokens = tokens_of(query)
+    if has_word(tokens, "FROM"):
+        return query
+    known = {**prefixes, **declared_prefixes(tokens)}
 
     def iri(position: int) -> str | None:
         if not 0 <= position < len(tokens):
@@ -104,34 +85,13 @@ def use_class_closure(
     return query
 
 
-def _tokens(query: str) -> list[_Token]:
-    found: list[_Token] = []
-    for match in _TOKEN.finditer(query):
-        kind = match.lastgroup or "other"
-        if kind == "space":
-            continue
-        if kind == "local" or kind == "name":
-            kind = "pname"
-        found.append(_Token(kind, match.group(), match.start(), match.end()))
-    return found
-
-
-def _declared(tokens: list[_Token]) -> dict[str, str]:
-    """Prefixes that the query declares itself."""
-    return {
-        name.text.partition(":")[0]: target.text[1:-1]
-        for word, name, target in zip(tokens, tokens[1:], tokens[2:], strict=False)
-        if word.text.upper() == "PREFIX" and name.kind == "pname" and target.kind == "iri"
-    }
-
-
-def _foreign(tokens: list[_Token]) -> list[bool]:
+def _foreign(tokens: list[Token]) -> list[bool]:
     """For each token, whether it stands inside a GRAPH or SERVICE group."""
     inside: list[bool] = []
     groups: list[bool] = []
     pending = False
     for token in tokens:
-        if token.kind == "word" and token.text.upper() in ("GRAPH", "SERVICE"):
+        if token.is_word("GRAPH", "SERVICE"):
             pending = True
         elif token.text == "{":
             groups.append(pending or bool(groups and groups[-1]))

@@ -54,6 +54,7 @@ def test_star_becomes_one_join_where_an_end_is_known(query: str) -> None:
         "SELECT * { ?c ^rdfs:subClassOf* race:Mug }",
         "SELECT * { ?c rdfs:subClassOf*/rdfs:label race:Mug }",
         "SELECT * { GRAPH ?g { ?c rdfs:subClassOf+ race:Mug } }",
+        "SELECT * FROM <urn:g> { ?c rdfs:subClassOf+ race:Mug }",
         "SELECT * { ?c rdfs:label 'rdfs:subClassOf+' }",
         "SELECT * { ?c rdfs:label ?d } # rdfs:subClassOf+ race:Mug",
         "SELECT * { ?c rdfs:subClassOf ?d }",
