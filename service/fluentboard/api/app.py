@@ -34,8 +34,10 @@ class BoardApp(FastAPI):
     """The board's routes; FastAPI behind them serves the OpenAPI document and routes of others.
 
     Attributes:
-        live: the WebSockets; whoever runs the app closes them before it stops.
         operations: all routes of the board.
+        guard: admits callers.
+        metrics: counts requests.
+        live: the WebSockets; whoever runs the app closes them before it stops.
     """
 
     def __init__(
@@ -54,6 +56,8 @@ class BoardApp(FastAPI):
             **options,
         )
         self.operations = operations
+        self.guard = guard
+        self.metrics = metrics
         self.live = live
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)

@@ -11,18 +11,21 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from typing import IO, cast
 
 import pyoxigraph as ox
 
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.point_queries import is_point_query
+from fluentboard.api.query_threads import QueryThreads
 from fluentboard.api.result_cache import Cached, Key, ResultCache
-from fluentboard.api.results import ResultSink, Stopped
+from fluentboard.api.results import ResultSink
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
+from fluentboard.board.store import QueryResults
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
 
@@ -106,7 +109,7 @@ class Evaluator:
         self._inline_limits = limits.model_copy(
             update={"result_max_bytes": min(_INLINE_BYTES_MAX, limits.result_max_bytes)}
         )
-        self._threads = ThreadPoolExecutor(limits.queries_at_once, thread_name_prefix="query")
+        self._threads = QueryThreads(limits.queries_at_once)
         self._never = threading.Event()
         self._cache = ResultCache(limits.result_cache_bytes)
         self._applied = 0
@@ -150,7 +153,7 @@ class Evaluator:
             except TooLarge:
                 pass  # more than a few kilobytes after all: the usual way decides
         stop = threading.Event()
-        future = self._threads.submit(self._answer, question, self._limits, stop)
+        future = self._threads.submit(partial(self._answer, question, self._limits, stop))
         self._running.add(future)
         future.add_done_callback(self._running.discard)
         timeout_s = self._limits.query_timeout_s
@@ -167,9 +170,9 @@ class Evaluator:
             stop.set()
 
     def close(self) -> None:
-        """Lets go of the threads; queries that wait for one are dropped."""
+        """Lets go of the threads."""
         self._stop_listening()
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._threads.close()
 
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called in another thread when the RDF store has applied commits."""
@@ -179,19 +182,24 @@ class Evaluator:
         # A protocol request that names any graph names the whole dataset.
         has_dataset = bool(question.default_graphs or question.named_graphs)
         commit = self._board.commit
-        results = self._board.query(
+        results: QueryResults | None = self._board.query(
             question.text,
             default_graphs=_graphs(question.default_graphs) if has_dataset else None,
             named_graphs=_graphs(question.named_graphs) if has_dataset else None,
         )
         # The snapshot is taken by now. If no write was acknowledged since, it is of that commit.
         is_exact = self._board.commit == commit
-        media_type, sink = written(results, question.accept, limits, stop)
+        try:
+            media_type, sink = written(results, question.accept, limits, stop)
+        finally:
+            # Oxigraph's iterators must die in the thread that made them, but the traceback of an
+            # error would take this one along to the event loop.
+            results = None
         return Result(media_type, sink.text, sink, commit if is_exact else None)
 
 
 def written(
-    results: ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean,
+    results: QueryResults,
     accept: str | None,
     limits: LimitSettings,
     stop: threading.Event,
@@ -204,20 +212,26 @@ def written(
         TooLarge: there is more than the limits allow.
         Stopped: nobody waits for them any more.
     """
-    if isinstance(results, ox.QueryTriples):
-        media_type, form = negotiated(accept, GRAPH_OFFERS)
-    else:
-        media_type, form = negotiated(accept, SOLUTION_OFFERS)
-    sink = ResultSink(form, limits, stop)
+    sink: ResultSink | None = None
     try:
+        is_graph = isinstance(results, ox.QueryTriples)
+        media_type, form = negotiated(accept, GRAPH_OFFERS if is_graph else SOLUTION_OFFERS)
+        sink = ResultSink(form, limits, stop)
         results.serialize(cast("IO[bytes]", sink), form)
     except (OSError, ValueError, RuntimeError) as problem:
-        sink.close()
+        _close(sink)
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
-    except (TooLarge, Stopped):
-        sink.close()
+    except BaseException:
+        _close(sink)
         raise
+    finally:
+        del results
     return media_type, sink
+
+
+def _close(sink: ResultSink | None) -> None:
+    if sink is not None:
+        sink.close()
 
 
 def _graphs(iris: Sequence[str]) -> list[ox.NamedNode]:

@@ -33,10 +33,11 @@ from fluentboard.api.writing import (
     fluent_headers,
     has_version,
 )
-from fluentboard.board.blackboard import Blackboard, Page
+from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, Command, CorrectFluent
 from fluentboard.board.events import Commit
 from fluentboard.board.intervals import FluentFilter
+from fluentboard.board.listing import Page
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidInput, VersionMismatch
 from fluentboard.model.fluent import Fluent

@@ -34,7 +34,7 @@ class RowCounter:
         # In a graph nothing marks a triple; its length is limited in bytes.
         self._mark, self._mark_bytes, self.rows = _MARKS.get(form, (None, 0, 0))
         self._is_csv = form == QueryResultsFormat.CSV
-        self._tail = b""
+        self._tail: bytes = b""
         self._quoted = False
 
     def add(self, text: bytes) -> None:
@@ -58,7 +58,7 @@ class RowCounter:
 # What stands between or before rows, its length, and how many rows there are before the first one.
 # In JSON a value may end in }},{ before its closing quote, but a bracket or comma follows that.
 _MARKS: dict[QueryResultsFormat | RdfFormat, tuple[re.Pattern[bytes], int, int]] = {
-    QueryResultsFormat.JSON: (re.compile(rb'\}\},\{"[^},]'), 7, 1),
+    QueryResultsFormat.JSON: (re.compile(rb'\}\},\{"[^},]'), 6, 1),
     QueryResultsFormat.XML: (re.compile(rb"<result>"), 8, 0),
     QueryResultsFormat.TSV: (re.compile(rb"\n"), 1, -1),
     QueryResultsFormat.CSV: (re.compile(rb"\n"), 1, -1),

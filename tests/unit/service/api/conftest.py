@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -17,52 +17,23 @@ from fluentboard.config import Settings, load_settings
 _NUMBERS = itertools.count(1)
 
 
-class Api:
-    """Sends requests to an application; every call is one exchange."""
+class _InProcess(httpx.BaseTransport):
+    """Hands requests to an application; every call is one exchange."""
 
     def __init__(self, app: BoardApp) -> None:
-        self.app = app
+        self._transport = httpx.ASGITransport(app, raise_app_exceptions=False)
 
-    def call(
-        self,
-        method: str,
-        path: str,
-        *,
-        json: Any = None,
-        content: bytes | str | AsyncIterator[bytes] | None = None,
-        data: Mapping[str, Any] | None = None,
-        params: Mapping[str, Any] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> httpx.Response:
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
         async def exchange() -> httpx.Response:
-            transport = httpx.ASGITransport(self.app, raise_app_exceptions=False)
-            async with httpx.AsyncClient(transport=transport, base_url="http://board") as client:
-                return await client.request(
-                    method,
-                    path,
-                    json=json,
-                    content=content,
-                    data=data,
-                    params=params,
-                    headers=headers,
-                )
+            reply = await self._transport.handle_async_request(request)
+            content = await reply.aread()
+            return httpx.Response(reply.status_code, headers=reply.headers, content=content)
 
         return asyncio.run(exchange())
 
-    def get(self, path: str, **options: Any) -> httpx.Response:
-        return self.call("GET", path, **options)
 
-    def post(self, path: str, json: Any = None, **options: Any) -> httpx.Response:
-        return self.call("POST", path, json=json, **options)
-
-    def patch(self, path: str, json: Any = None, **options: Any) -> httpx.Response:
-        return self.call("PATCH", path, json=json, **options)
-
-    def put(self, path: str, json: Any = None, **options: Any) -> httpx.Response:
-        return self.call("PUT", path, json=json, **options)
-
-    def query(self, sparql: str, **options: Any) -> httpx.Response:
-        return self.get("/sparql", params={"query": sparql}, **options)
+def client(app: BoardApp) -> httpx.Client:
+    return httpx.Client(transport=_InProcess(app), base_url="http://board", trust_env=False)
 
 
 @pytest.fixture(scope="module")
@@ -72,19 +43,25 @@ def board() -> Iterator[Blackboard]:
 
 
 @pytest.fixture(scope="module")
-def make_api(board: Blackboard) -> Callable[..., Api]:
-    """Makes an application around the board with other settings, given by dotted key."""
+def client_of() -> Callable[[BoardApp], httpx.Client]:
+    """Makes a client of an application."""
+    return client
 
-    def make(**settings: Any) -> Api:
+
+@pytest.fixture(scope="module")
+def make_api(board: Blackboard) -> Callable[..., httpx.Client]:
+    """Makes a client of the board with other settings, given as `section__key`."""
+
+    def make(**settings: Any) -> httpx.Client:
         flags = {key.replace("__", "."): value for key, value in settings.items()}
-        return Api(create_app(board, load_settings(flags=flags)))
+        return client(create_app(board, load_settings(flags=flags)))
 
     return make
 
 
 @pytest.fixture(scope="module")
-def api(board: Blackboard) -> Api:
-    return Api(create_app(board, Settings()))
+def api(board: Blackboard) -> httpx.Client:
+    return client(create_app(board, Settings()))
 
 
 @pytest.fixture
