@@ -25,7 +25,14 @@ GENERATORS: list[Callable[[np.random.Generator], Scene]] = [restaurant, furnishe
 COMPLETE = TableSettingConfig(missing=0.0)
 
 
-@pytest.fixture(scope="module", params=[(g, s) for g in GENERATORS for s in SEEDS], ids=str)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param((generator, seed), id=f"{generator.__name__}-{seed}")
+        for generator in GENERATORS
+        for seed in SEEDS
+    ],
+)
 def scene(request: pytest.FixtureRequest) -> Scene:
     generator, seed = request.param
     return generator(np.random.default_rng(seed))
