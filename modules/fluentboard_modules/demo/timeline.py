@@ -31,14 +31,14 @@ _ROW_INCHES = 0.42
 _POSE_OPACITIES = (0.62, 0.34)
 
 CLASS_COLOURS: Mapping[str, Colour] = {
-    "Table": "#c9711f",
-    "Chair": "#2d6fb3",
-    "Counter": "#2f8f5b",
-    "Shelf": "#8452a8",
-    "Desk": "#b5473c",
-    "Cabinet": "#5b8a8a",
-    "CoffeeTable": "#c9a21f",
-    "PlacingArea": "#d99a5b",
+    "Table": "#1f8a83",
+    "Desk": "#1f8a83",
+    "CoffeeTable": "#3f8f74",
+    "Counter": "#2f5f9e",
+    "Cabinet": "#41699a",
+    "Shelf": "#7a56b0",
+    "Chair": "#c2394d",
+    "Stool": "#c2394d",
 }
 """Colour of a class in all pictures of the demo; classes that are not listed are grey."""
 
