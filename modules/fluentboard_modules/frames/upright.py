@@ -58,7 +58,8 @@ def dominant_level_plane(
     lengths = np.linalg.norm(normals, axis=1)
     is_plane = lengths > 1e-9
     normals, corners = normals[is_plane] / lengths[is_plane, None], corners[is_plane]
-    normals *= np.where(normals @ CAMERA_UP < 0.0, -1.0, 1.0)[:, None]
+    # Only the side that faces the sensor is seen: of a table its top, of a ceiling its bottom.
+    normals *= np.where(np.einsum("ij,ij->i", normals, corners[:, 0]) > 0.0, -1.0, 1.0)[:, None]
     level = normals @ CAMERA_UP > np.cos(_WIDEST_RAD)
     normals, offsets = normals[level], np.einsum("ij,ij->i", normals[level], corners[level, 0])
     if not len(normals):
@@ -70,9 +71,9 @@ def dominant_level_plane(
     share = float(best.mean())
     if share < _LEAST_SHARE:
         return None
-    inliers = points[best] - points[best].mean(axis=0)
-    normal = np.linalg.svd(inliers, full_matrices=False)[2][2]
-    return normal * (1.0 if normal @ CAMERA_UP > 0.0 else -1.0), share
+    middle = points[best].mean(axis=0)
+    normal = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
+    return normal * (-1.0 if normal @ middle > 0.0 else 1.0), share
 
 
 def guess_gravity(frames: Sequence[SensorFrame], rng: np.random.Generator) -> FloatArray:
