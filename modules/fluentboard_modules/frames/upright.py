@@ -71,9 +71,19 @@ def dominant_level_plane(
     share = float(best.mean())
     if share < _LEAST_SHARE:
         return None
-    middle = points[best].mean(axis=0)
-    normal = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
+    middle, normal = _fit(points[best])
+    for width in (0.7, 0.4):  # parts of other planes within the tolerance tilt the first fit
+        closer = np.abs((points - middle) @ normal) < width * tolerance
+        if closer.sum() < 0.5 * best.sum():
+            break
+        middle, normal = _fit(points[closer])
     return normal * (-1.0 if normal @ middle > 0.0 else 1.0), share
+
+
+def _fit(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centre and normal of the plane of least squares."""
+    middle = points.mean(axis=0)
+    return middle, np.linalg.svd(points - middle, full_matrices=False)[2][2]
 
 
 def guess_gravity(frames: Sequence[SensorFrame], rng: np.random.Generator) -> FloatArray:

@@ -165,7 +165,9 @@ def test_ply_with_a_camera_is_organised(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["ascii", *KINDS])
 def test_truncated_ply_says_so(kind: str, tmp_path: Path) -> None:
     (tmp_path / "a.ply").write_bytes(ply(kind)[:-32])
-    with pytest.raises(InvalidFrame, match="holds [12] of 3 rows of vertex; the file is truncated"):
+    with pytest.raises(
+        InvalidFrame, match=r"holds [12] of 3 rows of vertex; the file is truncated"
+    ):
         read_ply(tmp_path / "a.ply")
 
 
