@@ -20,12 +20,20 @@ from fluentboard.board.commands import (
     RefineFluent,
 )
 from fluentboard.board.events import Commit
-from fluentboard.board.subscriptions.messages import Delta, Message, Resumed, Snapshot
+from fluentboard.board.subscriptions.messages import (
+    Delta,
+    Gap,
+    Lagged,
+    Message,
+    Resumed,
+    Snapshot,
+)
 from fluentboard.board.subscriptions.query import parse
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.board.subscriptions.results import Bag, apply, bag_of
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
-from fluentboard.errors import FluentboardError
+from fluentboard.board.subscriptions.subscription import Subscription
+from fluentboard.errors import IntervalReversed, NotARefinement, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import UNKNOWN, Interval
 
@@ -131,21 +139,49 @@ QUERIES = {
     "unread by the analyser": "SELECT ?x { ?x a race:Mug LATERAL { ?x upper:onTop ?t } }",
 }
 
-ONTOLOGIES = (
-    """@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
-       @prefix owl: <http://www.w3.org/2002/07/owl#> .
-       @prefix race: <https://w3id.org/fluentboard/race#> .
-       race:Goblet a owl:Class ; rdfs:subClassOf race:Mug .""",
-    """@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
-       @prefix owl: <http://www.w3.org/2002/07/owl#> .
-       @prefix race: <https://w3id.org/fluentboard/race#> .
-       @prefix upper: <https://w3id.org/fluentboard/upper#> .
-       @prefix furniture: <https://w3id.org/fluentboard/furniture#> .
-       race:Goblet a owl:Class ; rdfs:subClassOf race:Kitchenware .
-       furniture:Table rdfs:subClassOf upper:Area .""",
+_PREFIXES = """
+@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
+@prefix owl: <http://www.w3.org/2002/07/owl#> .
+@prefix upper: <https://w3id.org/fluentboard/upper#> .
+@prefix race: <https://w3id.org/fluentboard/race#> .
+@prefix furniture: <https://w3id.org/fluentboard/furniture#> .
+@prefix fluent: <https://w3id.org/fluentboard/fluent/> .
+"""
+# Far smaller than the real ones: every query is evaluated after every step.
+ONTOLOGY = (
+    _PREFIXES
+    + """
+upper:PhysicalEntity a owl:Class .
+upper:Area a owl:Class .
+upper:Pose a owl:Class .
+upper:BBox a owl:Class .
+race:Kitchenware a owl:Class ; rdfs:subClassOf upper:PhysicalEntity .
+race:PersonalItem a owl:Class ; rdfs:subClassOf upper:PhysicalEntity .
+race:Drinkware a owl:Class ; rdfs:subClassOf race:Kitchenware .
+race:Mug a owl:Class ; rdfs:subClassOf race:Drinkware .
+race:Plate a owl:Class ; rdfs:subClassOf race:Kitchenware .
+race:FloorArea a owl:Class ; rdfs:subClassOf upper:Area .
+furniture:Table a owl:Class ; rdfs:subClassOf upper:PhysicalEntity .
+upper:hasPose a owl:ObjectProperty .
+race:kitchen a race:FloorArea ; upper:hasBoundingBox fluent:BBox0 .
+"""
+)
+CHANGES_OF_ONTOLOGY = (
+    _PREFIXES
+    + """
+race:Goblet a owl:Class ; rdfs:subClassOf race:Mug .
+race:Plate rdfs:subClassOf race:PersonalItem .
+fluent:Mug0 upper:onTop fluent:Table0 ; upper:label "a" .
+""",
+    _PREFIXES
+    + """
+race:Goblet a owl:Class ; rdfs:subClassOf race:Kitchenware .
+furniture:Table rdfs:subClassOf upper:Area .
+upper:onTop a owl:ObjectProperty .
+""",
 )
 
-CLASSES = ("Mug", "Plate", "Table", "FloorArea", "BoundingBox", "Pose")
+CLASSES = ("Mug", "Plate", "Table", "FloorArea", "BBox", "Pose")
 _number = st.integers(0, 1)
 _name = st.builds(lambda kind, number: f"{kind}{number}", st.sampled_from(CLASSES), _number)
 _reference = st.builds(
@@ -189,7 +225,9 @@ class Witness:
     """A board, and what every query answered at every commit."""
 
     def __init__(self, folder: Path) -> None:
-        self.board = Blackboard.open(None)
+        base = folder / "base.ttl"
+        base.write_text(ONTOLOGY, encoding="utf-8")
+        self.board = Blackboard.open(None, builtin_ontologies=False, ontologies=[base])
         self._told = threading.Condition()
         self._last = 0
         self.board.listen(self._on_commits)
@@ -200,10 +238,10 @@ class Witness:
     def perform(self, step: list[Command] | int) -> None:
         """Carries out a step, and notes the answers; a refused batch changes nothing."""
         if isinstance(step, int):
-            self._file.write_text(ONTOLOGIES[step], encoding="utf-8")
+            self._file.write_text(CHANGES_OF_ONTOLOGY[step], encoding="utf-8")
             self.board.load_ontologies([self._file])
         else:
-            with contextlib.suppress(FluentboardError):
+            with contextlib.suppress(IntervalReversed, NotARefinement, UnknownFluent):
                 self.board.execute(step, "test")
         self.note()
 
@@ -232,11 +270,15 @@ def follow(messages: list[Message], truth: dict[int, Bag], state: Bag | None = N
             assert state is not None
             assert state == truth[message.since]
             assert apply(state, message.change.difference)
+        elif isinstance(message, Resumed):
+            assert state is not None
         else:
-            assert isinstance(message, Resumed)
+            # A gap or a lag: what follows is a snapshot.
+            assert isinstance(message, Gap | Lagged)
+            state = None
+            continue
         assert state == truth[message.commit]
-    assert state is not None
-    return state
+    return {} if state is None else state
 
 
 @pytest.fixture(scope="module")
@@ -245,10 +287,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @contextlib.contextmanager
-def witnessed(folder: Path, first_tier: int) -> Generator[tuple[Witness, SubscriptionRegistry]]:
+def witnessed(folder: Path, **limits: float) -> Generator[tuple[Witness, SubscriptionRegistry]]:
     witness = Witness(folder)
     registry = SubscriptionRegistry(
-        witness.board, SubscriptionSettings(reevaluation_share=1.0, first_tier=first_tier)
+        witness.board, SubscriptionSettings.model_validate({"reevaluation_share": 1.0, **limits})
     )
     try:
         yield witness, registry
@@ -266,7 +308,7 @@ def witnessed(folder: Path, first_tier: int) -> Generator[tuple[Witness, Subscri
 def test_snapshot_and_deltas_lead_to_the_fresh_result(
     folder: Path, first_tier: int, before: list[Step], after: list[Step]
 ) -> None:
-    with witnessed(folder, first_tier) as (witness, registry):
+    with witnessed(folder, first_tier=first_tier) as (witness, registry):
         for step, _ in before:
             witness.perform(step)
         opened = {name: registry.open(text, "both") for name, text in QUERIES.items()}
@@ -278,3 +320,61 @@ def test_snapshot_and_deltas_lead_to_the_fresh_result(
         for name, subscription in opened.items():
             truth = witness.truth[name]
             assert follow(subscription.poll(), truth) == truth[witness.board.commit], name
+
+
+@settings(max_examples=25, phases=(Phase.explicit, Phase.generate))
+@given(
+    limits=st.sampled_from(
+        [{}, {"linger_s": 0.0}, {"ring_deltas": 1}, {"replay_commits": 0}, {"queue_messages": 2}]
+    ),
+    before=st.lists(_step, max_size=4),
+    away=st.lists(_step, max_size=4),
+    after=st.lists(_step, max_size=3),
+)
+def test_client_that_resumes_misses_nothing(
+    folder: Path,
+    limits: dict[str, float],
+    before: list[Step],
+    away: list[Step],
+    after: list[Step],
+) -> None:
+    with witnessed(folder, **limits) as (witness, registry):
+        opened = {name: registry.open(text, "both") for name, text in QUERIES.items()}
+        states: dict[str, tuple[int, Bag]] = {}
+        for step, _ in before:
+            witness.perform(step)
+        assert registry.wait_until(witness.board.commit, 20.0)
+        for name, subscription in opened.items():
+            state, seen = follow_until(subscription, registry, witness.truth[name])
+            states[name] = seen, state
+            subscription.close()
+        for step, _ in away:
+            witness.perform(step)
+        again = {
+            name: registry.open(text, "both", since=states[name][0])
+            for name, text in QUERIES.items()
+        }
+        for step, _ in after:
+            witness.perform(step)
+        assert registry.wait_until(witness.board.commit, 20.0)
+        for name, subscription in again.items():
+            truth = witness.truth[name]
+            state, _ = follow_until(subscription, registry, truth, states[name][1])
+            assert state == truth[witness.board.commit], name
+
+
+def follow_until(
+    subscription: Subscription,
+    registry: SubscriptionRegistry,
+    truth: dict[int, Bag],
+    state: Bag | None = None,
+) -> tuple[Bag, int]:
+    """The result and the commit that a subscription's messages lead to, until none are left."""
+    commit = 0
+    while messages := subscription.poll():
+        state = follow(messages, truth, state)
+        commit = max(commit, *(getattr(message, "commit", 0) for message in messages))
+        # A subscriber that lagged is sent a snapshot once it has caught up.
+        assert registry.wait_until(0, 20.0)
+    assert state is not None
+    return state, commit

@@ -10,12 +10,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 
-from fluentboard.board.events import Commit
+from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
 from fluentboard.board.subscriptions.messages import Change, Failed, Gap, Resumed
 from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, evaluate
+from fluentboard.board.subscriptions.replay import replayed
 from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
 from fluentboard.board.subscriptions.router import Router
 from fluentboard.board.subscriptions.schema import Schema
@@ -24,10 +25,12 @@ from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.standing import Names, Plan, StandingQuery, net
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.errors import FluentboardError
+from fluentboard_ontology import FLUENT
 
 logger = logging.getLogger(__name__)
 
 _ADVANCE_TRIES = 4
+_FLUENT = "<" + FLUENT
 
 
 class Evaluator:
@@ -38,13 +41,18 @@ class Evaluator:
         settings: bounds.
         arrive: waits until commits up to the given one have been given to `route`; False if that
             takes unreasonably long.
+        outside: what ontologies and graph updates have changed so far.
 
     Attributes:
         routed: the last commit that was routed.
     """
 
     def __init__(
-        self, board: Board, settings: SubscriptionSettings, arrive: Callable[[int], bool]
+        self,
+        board: Board,
+        settings: SubscriptionSettings,
+        arrive: Callable[[int], bool],
+        outside: Iterable[StatementsChanged] = (),
     ) -> None:
         self._board = board
         self._settings = settings
@@ -54,6 +62,9 @@ class Evaluator:
         self._schema = Schema(board.vocabulary)
         self.routed = 0
         self._ontology_routed = 0
+        self._spoken_of: set[str] = set()
+        for change in outside:
+            self._note_outside(change)
 
     def __len__(self) -> int:
         return len(self._router)
@@ -70,7 +81,9 @@ class Evaluator:
         if any(change.ontology for change in commit.statements):
             self._schema = Schema(self._board.vocabulary)
         change = CommitChange(commit, self._schema.vocabulary)
-        concerned = self._router.concerned(change)
+        concerned = self._router.concerned(change, self._spoken_of)
+        for outside in commit.statements:
+            self._note_outside(outside)
         for standing in concerned.touched:
             self._stale[standing] = None
         # While a query is stale it gathers all that its next evaluation covers.
@@ -84,6 +97,18 @@ class Evaluator:
         self.routed = commit.number
         if commit.statements:
             self._ontology_routed = commit.number
+
+    def _note_outside(self, change: StatementsChanged) -> None:
+        """Notes fluents that an ontology or a graph update says something of, too.
+
+        What they contribute to a query does not follow from their events alone.
+        """
+        if change.graph:
+            return
+        for line in change.added.splitlines():
+            subject = line.partition(" ")[0]
+            if subject.startswith(_FLUENT):
+                self._spoken_of.add(subject[len(_FLUENT) : -1])
 
     def reevaluate_next(self) -> None:
         """Evaluates the query that has been stale for longest; does nothing if there is none."""
@@ -296,9 +321,20 @@ class Evaluator:
         subscription.put_snapshot(standing.exact_at(self.routed), standing.answer())
 
     def _missed(self, standing: StandingQuery, since: int, *, events: bool) -> list[Change] | None:
-        if since > standing.exact_at(self.routed):
+        now = standing.exact_at(self.routed)
+        if since > now:
             return None
-        return standing.missed_after(since, events=events)
+        missed = standing.missed_after(since, events=events)
+        if missed is None and now - since <= self._settings.replay_commits:
+            return replayed(
+                standing,
+                list(self._board.commits(since, now)),
+                self._schema.vocabulary,
+                self._settings,
+                spoken_of=self._spoken_of,
+                tells_events=events,
+            )
+        return missed
 
     def _fail(self, standing: StandingQuery, problem: FluentboardError) -> None:
         self._forget(standing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import pyoxigraph as ox
@@ -44,6 +45,7 @@ class ParsedQuery:
     is_timeless: bool
 
 
+@lru_cache(maxsize=2_048)
 def parse(text: str) -> ParsedQuery:
     """Reads a standing query.
 

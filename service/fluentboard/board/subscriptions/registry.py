@@ -6,9 +6,9 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
-from fluentboard.board.events import Commit
+from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.evaluator import Evaluator
 from fluentboard.board.subscriptions.messages import Mode
 from fluentboard.board.subscriptions.planner import explanation, plan
@@ -22,7 +22,6 @@ from fluentboard.errors import InvalidInput
 logger = logging.getLogger(__name__)
 
 _ARRIVAL_TIMEOUT_S = 5.0
-_PARSED_MAX = 10_000
 
 
 class SubscriptionRegistry:
@@ -34,6 +33,7 @@ class SubscriptionRegistry:
     Args:
         board: the blackboard.
         settings: bounds; the defaults suit one robot.
+        outside: statements outside fluents that the board has already (ontologies, graph updates).
 
     Example:
         >>> from fluentboard.board.blackboard import Blackboard
@@ -48,12 +48,16 @@ class SubscriptionRegistry:
         >>> board.close()
     """
 
-    def __init__(self, board: Board, settings: SubscriptionSettings | None = None) -> None:
+    def __init__(
+        self,
+        board: Board,
+        settings: SubscriptionSettings | None = None,
+        outside: Iterable[StatementsChanged] = (),
+    ) -> None:
         self._board = board
         self._settings = settings or SubscriptionSettings()
-        self._evaluator = Evaluator(board, self._settings, self._arrive)
+        self._evaluator = Evaluator(board, self._settings, self._arrive, outside)
         self._schema = Schema(board.vocabulary)
-        self._parsed: dict[str, ParsedQuery] = {}
         self._subscriptions: dict[Subscription, None] = {}
         self._state = threading.Condition()
         self._groups: deque[Sequence[Commit]] = deque()
@@ -91,7 +95,7 @@ class SubscriptionRegistry:
             raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
         if since is not None and since < 0:
             raise InvalidInput(f"since is {since}; give a commit number", since=since)
-        parsed = self._parse(query)
+        parsed = parse(query)
         subscription = Subscription(
             SubscriptionRequest(query, mode, since),
             self._explain(parsed),
@@ -117,7 +121,7 @@ class SubscriptionRegistry:
         Raises:
             InvalidQuery: the query does not parse, or cannot be subscribed to.
         """
-        return self._explain(self._parse(query))
+        return self._explain(parse(query))
 
     def subscriptions(self) -> list[Subscription]:
         """All open subscriptions, oldest first."""
@@ -155,21 +159,14 @@ class SubscriptionRegistry:
             self._schema = Schema(vocabulary)
         return explanation(parsed, plan(parsed, self._schema, self._settings.first_tier))
 
-    def _parse(self, query: str) -> ParsedQuery:
-        parsed = self._parsed.get(query)
-        if parsed is None:
-            parsed = parse(query)
-            if len(self._parsed) >= _PARSED_MAX:
-                self._parsed.clear()
-            self._parsed[query] = parsed
-        return parsed
-
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called by a thread of the board, which must not wait."""
         with self._state:
             self._delivered = commits[-1].number
-            if self._is_listening:
-                self._groups.append(commits)
+            # Without subscribers only ontologies matter: later queries must know of them.
+            kept = commits if self._is_listening else [c for c in commits if c.statements]
+            if kept:
+                self._groups.append(kept)
             self._state.notify_all()
 
     def _on_drained(self, subscription: Subscription) -> None:
@@ -230,9 +227,8 @@ class SubscriptionRegistry:
     def _stop_keeping(self) -> None:
         """Nobody subscribes: commits need not be kept."""
         with self._state:
-            if not self._tasks:
+            if not (self._tasks or self._groups):
                 self._is_listening = False
-                self._groups.clear()
 
     def _route_arrived(self) -> None:
         while True:

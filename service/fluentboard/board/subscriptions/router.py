@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
 
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
@@ -82,8 +82,14 @@ class Router:
                 if not holders:
                     del self._holders[name]
 
-    def concerned(self, change: CommitChange) -> Concerned:
-        """The standing queries that a commit concerns."""
+    def concerned(self, change: CommitChange, spoken_of: Set[str]) -> Concerned:
+        """The standing queries that a commit concerns.
+
+        Args:
+            change: what it changed.
+            spoken_of: fluents that are spoken of outside their events, too: what those contribute
+                to an incremental query does not follow from their events alone.
+        """
         found = Concerned()
         if change.touches_everything:
             found.touched.update(dict.fromkeys(self._queries.values()))
@@ -91,7 +97,9 @@ class Router:
         if change.commit.statements:
             found.touched.update(self._by_outside.touched(change.outside_statements))
         for event in change.events:
-            if len(self._by_event):
+            if spoken_of and event.event.after.name in spoken_of:
+                found.touched.update(self._by_outside.touched(event.statements))
+            elif len(self._by_event):
                 found.touched.update(self._by_event.touched(event.statements))
             if len(self._by_key):
                 for standing in self._by_key.candidates(event):

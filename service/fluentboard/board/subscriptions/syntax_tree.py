@@ -6,7 +6,7 @@ nested EXISTS, GRAPH with an empty pattern) that an answer depends on.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, cast
 
 from rdflib import BNode
@@ -16,8 +16,11 @@ from rdflib.plugins.sparql.parser import parseQuery
 from fluentboard_ontology import PREFIXES
 
 
+@lru_cache(maxsize=2_048)
 def tree_of(text: str) -> Any:
     """The syntax tree with prefixed names resolved and property paths as rdflib path objects.
+
+    Reading takes milliseconds, and the same texts come again: nobody changes the tree.
 
     Raises:
         Exception: of many types, if rdflib does not read the query.
