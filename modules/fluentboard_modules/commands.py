@@ -31,8 +31,8 @@ Frames = Annotated[
     str,
     typer.Option(
         metavar="SOURCE",
-        help="A folder with a recording (7-Scenes or TUM RGB-D layout), or simulated-restaurant, "
-        "or with a seed simulated-restaurant:7.",
+        help="A folder with a recording (7-Scenes, TUM RGB-D or Open3D layout), a point cloud "
+        "(.pcd, .ply), or simulated-restaurant, with a seed simulated-restaurant:7.",
     ),
 ]
 Gravity = Annotated[

@@ -15,6 +15,7 @@ from fluentboard.errors import InvalidInput
 from fluentboard_modules.frames.sensor_frame import FrameSource
 
 SIMULATED = "simulated-restaurant"
+_CLOUD_SUFFIXES = (".pcd", ".ply")
 _SIMULATED = re.compile(rf"{SIMULATED}(?::(\d+))?")
 
 
@@ -26,7 +27,7 @@ def open_source(text: str, *, start_s: float | None = None) -> FrameSource:
         start_s: stamp of the first frame on the board's time axis; None leaves it to the source.
 
     Raises:
-        InvalidFrame: there is no such folder, or no recording in it.
+        InvalidFrame: there is no such folder or file, or no recording in it.
         InvalidInput: the simulator is named in a way it does not know.
     """
     match = _SIMULATED.fullmatch(text)
@@ -40,6 +41,10 @@ def open_source(text: str, *, start_s: float | None = None) -> FrameSource:
             f"no simulated source is called {text!r}; there is {SIMULATED}, or with a seed "
             f"{SIMULATED}:7"
         )
+    if Path(text).suffix.lower() in _CLOUD_SUFFIXES and not Path(text).is_dir():
+        from fluentboard_modules.frames.clouds import open_cloud
+
+        return open_cloud(text, start_s=start_s)
     from fluentboard_modules.frames.folders import open_folder
 
     return open_folder(text, start_s=start_s)

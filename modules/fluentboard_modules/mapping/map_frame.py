@@ -14,8 +14,8 @@ from fluentboard.errors import InvalidFrame, InvalidInput
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import FloatArray, Pose, Transform
 from fluentboard.model.interval import UNKNOWN
-from fluentboard_modules.frames.folders import FolderRecording
 from fluentboard_modules.frames.gravity import align_with_gravity, place_in_map
+from fluentboard_modules.frames.recordings import Recording
 from fluentboard_modules.frames.sensor_frame import FrameSource
 from fluentboard_modules.geometry_fluents import pose_fluent, pose_of
 from fluentboard_modules.mapping.config import MappingConfig
@@ -43,7 +43,7 @@ def place(
     Raises:
         InvalidFrame: no frame of the recording shows anything level.
     """
-    if not isinstance(source, FolderRecording):
+    if not isinstance(source, Recording):
         if gravity_world is not None:
             raise InvalidInput(
                 f"{source.name} has z up already; --gravity is for recordings on disk"
