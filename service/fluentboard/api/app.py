@@ -103,7 +103,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     live = LiveRoutes(registry, guard, settings.subscriptions)
     system = SystemRoutes(blackboard)
     operations = [
-        *SparqlRoutes(evaluator, settings.limits).operations(),
+        *SparqlRoutes(blackboard, evaluator, settings.limits).operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),

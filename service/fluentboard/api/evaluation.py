@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from typing import IO, cast
+from typing import IO, Literal, cast
 
 import pyoxigraph as ox
 
@@ -26,8 +26,10 @@ from fluentboard.api.results import ResultSink
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
 from fluentboard.board.store import QueryResults
+from fluentboard.board.time_functions import mentions_functions
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
+from fluentboard.model.interval import Certainty
 
 _XML = "application/sparql-results+xml"
 _JSON = "application/sparql-results+json"
@@ -70,12 +72,23 @@ class Question:
         accept: the media types that the client takes, as in the header; None for any.
         default_graphs: IRIs that make up the default graph; none for the board's own.
         named_graphs: IRIs that `GRAPH` sees; none for all.
+        at: sees only what holds at this time in seconds, or now; None for all of history.
+        as_of: sees what was believed after this commit; None for the present belief.
+        certainty: whether `at` shows what may hold, or only what surely does.
     """
 
     text: str
     accept: str | None = None
     default_graphs: tuple[str, ...] = ()
     named_graphs: tuple[str, ...] = ()
+    at: float | Literal["now"] | None = None
+    as_of: int | None = None
+    certainty: Certainty = Certainty.POSSIBLE
+
+    @property
+    def is_timeless(self) -> bool:
+        """It asks about all of history, and its answer changes with commits alone."""
+        return self.at is None and self.as_of is None and not mentions_functions(self.text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +99,15 @@ class Result:
         media_type: of the text.
         text: the serialised result, or None if it is so long that it waits in the sink's file.
         sink: where it was written; None if it was known already.
-        commit: the commit it is exact at, or None if one came in between.
+        commit: the commit it is exact at.
+        at_s: the time it is exact at, in seconds; None for all times.
     """
 
     media_type: str
     text: bytes | None
     sink: ResultSink | None
-    commit: int | None
+    commit: int
+    at_s: float | None = None
 
 
 class Evaluator:
@@ -138,16 +153,17 @@ class Evaluator:
         commit = self._board.commit
         key = Key(question.text, question.accept, question.default_graphs, question.named_graphs)
         known = self._cache.get(commit, key)
-        if known is not None:
+        if known is not None and question.at is None and question.as_of is None:
             return Result(known.media_type, known.text, None, commit)
         result = await self._evaluated(question, commit)
-        if result.text is not None and result.commit is not None:
+        if result.text is not None and question.is_timeless:
             self._cache.put(result.commit, key, Cached(result.media_type, result.text))
         return result
 
     async def _evaluated(self, question: Question, commit: int) -> Result:
         # A query waits until the RDF store has all that was committed; the event loop must not.
-        if self._applied >= commit and is_point_query(question.text):
+        is_current = self._applied >= commit and question.is_timeless
+        if is_current and is_point_query(question.text):
             try:
                 return self._answer(question, self._inline_limits, self._never)
             except TooLarge:
@@ -181,21 +197,24 @@ class Evaluator:
     def _answer(self, question: Question, limits: LimitSettings, stop: threading.Event) -> Result:
         # A protocol request that names any graph names the whole dataset.
         has_dataset = bool(question.default_graphs or question.named_graphs)
-        commit = self._board.commit
-        results: QueryResults | None = self._board.query(
+        timed = self._board.timed_query(
             question.text,
+            at=question.at,
+            as_of=question.as_of,
+            certainty=question.certainty,
             default_graphs=_graphs(question.default_graphs) if has_dataset else None,
             named_graphs=_graphs(question.named_graphs) if has_dataset else None,
         )
-        # The snapshot is taken by now. If no write was acknowledged since, it is of that commit.
-        is_exact = self._board.commit == commit
+        commit, at_s = timed.commit, timed.at_s
+        results: QueryResults | None = timed.results
+        del timed
         try:
             media_type, sink = written(results, question.accept, limits, stop)
         finally:
             # Oxigraph's iterators must die in the thread that made them, but the traceback of an
             # error would take this one along to the event loop.
             results = None
-        return Result(media_type, sink.text, sink, commit if is_exact else None)
+        return Result(media_type, sink.text, sink, commit, at_s)
 
 
 def written(

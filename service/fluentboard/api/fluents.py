@@ -41,7 +41,6 @@ from fluentboard.board.listing import Page
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidInput, VersionMismatch
 from fluentboard.model.fluent import Fluent
-from fluentboard.model.interval import Certainty
 from fluentboard.model.json_format import fluent_from_json, fluent_to_json
 from fluentboard.model.yaml_format import fluent_to_yaml
 
@@ -104,19 +103,18 @@ class FluentRoutes:
         """`GET /fluents`."""
         values = call.parameters()
         offer = negotiated(call.header(b"accept"), _LIST_OFFERS)
-        commit = self._board.commit
         wanted = self._filter(values)
         limit = parameters.number(
             values, "limit", least=1, most=self._limits.page_max, default=_PAGE_DEFAULT
         )
         after = parameters.number(values, "cursor")
         page = await asyncio.to_thread(self._board.list, wanted, after=after, limit=limit)
-        headers = [commit_header(commit), _VARY]
+        headers = [commit_header(page.commit), _VARY]
         if page.next is not None:
             following = {**{k: v[0] for k, v in values.items()}, "cursor": str(page.next)}
             link = f'<{call.root_path}/fluents?{urlencode(following)}>; rel="next"'
             headers.append((b"link", link.encode()))
-        return Reply(_page(page, commit, offer.format), offer.media_type.encode(), 200, headers)
+        return Reply(_page(page, offer.format), offer.media_type.encode(), 200, headers)
 
     async def read_fluent(self, call: Call) -> Reply:
         """`GET /fluents/{name}`."""
@@ -211,10 +209,6 @@ class FluentRoutes:
         return [changed.get(f.name) or self._board.fluent(f.name) for f in fluents]
 
     def _filter(self, values: parameters.Values) -> FluentFilter:
-        certainly = parameters.flag(values, "certainly")
-        possibly = parameters.flag(values, "possibly")
-        if certainly and possibly:
-            raise InvalidInput("certainly and possibly exclude each other; give one of them")
         property_value = parameters.text(values, "value")
         property_name = parameters.text(values, "property")
         if property_value is not None and property_name is None:
@@ -223,7 +217,7 @@ class FluentRoutes:
             class_name=parameters.text(values, "class"),
             at_s=parameters.time_s(values, "at", self._board.clock),
             during=parameters.window_s(values, "during"),
-            certainty=Certainty.CERTAIN if certainly else Certainty.POSSIBLE,
+            certainty=parameters.certainty(values),
             property_name=property_name,
             property_value=property_value,
             is_open=parameters.flag(values, "open"),
@@ -232,18 +226,15 @@ class FluentRoutes:
 
     def _as_of(self, values: parameters.Values) -> int | None:
         as_of = parameters.optional_number(values, "asof")
-        if as_of is not None and as_of > self._board.commit:
-            raise InvalidInput(
-                f"commit {as_of} has not been made yet; the last is {self._board.commit}",
-                commit=self._board.commit,
-            )
+        if as_of is not None:
+            parameters.check_commit(as_of, self._board.commit)
         return as_of
 
 
-def _page(page: Page, commit: int, form: str) -> bytes:
+def _page(page: Page, form: str) -> bytes:
     if form == YAML:
         return "---\n".join(fluent_to_yaml(fluent) for fluent in page.fluents).encode()
     found = [fluent_to_json(fluent) for fluent in page.fluents]
     if form == NDJSON:
         return b"".join(orjson.dumps(f, option=orjson.OPT_APPEND_NEWLINE) for f in found)
-    return orjson.dumps({"fluents": found, "next": page.next, "commit": commit})
+    return orjson.dumps({"fluents": found, "next": page.next, "commit": page.commit})

@@ -190,7 +190,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                         "application/x-ndjson": Content(_TEXT),
                     },
                     {
-                        "X-Commit": "The last commit when the page was made.",
+                        "X-Commit": "All of the page is as believed after this commit.",
                         "Link": 'Address of the next page, with `rel="next"`.',
                     },
                 )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 from fluentboard.clock import Clock
 from fluentboard.errors import InvalidInput, InvalidTime
+from fluentboard.model.interval import Certainty
 
 Values = Mapping[str, Sequence[str]]
 
@@ -83,6 +85,38 @@ def time_s(values: Values, name: str, clock: Clock) -> float | None:
     if value is None:
         return None
     return clock.now_s() if value == "now" else seconds(value, name)
+
+
+def time_or_now(values: Values, name: str) -> float | Literal["now"] | None:
+    """A time in seconds on the board's axis, or `now` as it stands.
+
+    Raises:
+        InvalidTime: it is neither.
+    """
+    value = text(values, name)
+    return None if value is None else "now" if value == "now" else seconds(value, name)
+
+
+def certainty(values: Values) -> Certainty:
+    """What the flags `certainly` and `possibly` ask for; by default what is possible.
+
+    Raises:
+        InvalidInput: both are set.
+    """
+    certainly, possibly = flag(values, "certainly"), flag(values, "possibly")
+    if certainly and possibly:
+        raise InvalidInput("certainly and possibly exclude each other; give one of them")
+    return Certainty.CERTAIN if certainly else Certainty.POSSIBLE
+
+
+def check_commit(asked: int, last: int) -> None:
+    """Refuses a commit that has not been made.
+
+    Raises:
+        InvalidInput: it is later than the last.
+    """
+    if asked > last:
+        raise InvalidInput(f"commit {asked} has not been made yet; the last is {last}", commit=last)
 
 
 def window_s(values: Values, name: str) -> tuple[float, float] | None:

@@ -175,7 +175,7 @@ class FluentPage(_Schema):
 
     fluents: list[FluentJson] = Field(description="In the order of their first assertion.")
     next: int | None = Field(description="`cursor` of the next page; null after the last.")
-    commit: int = Field(description="The last commit when the page was made.")
+    commit: int = Field(description="All of the page is as believed after this commit.")
 
 
 class HistoryEntry(EventJson):

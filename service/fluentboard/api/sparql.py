@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
 import pyoxigraph as ox
 
+from fluentboard.api import parameters
 from fluentboard.api.evaluation import (
     GRAPH_OFFERS,
     SOLUTION_OFFERS,
@@ -18,6 +18,7 @@ from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, for
 from fluentboard.api.negotiation import negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.writing import commit_header
+from fluentboard.board.blackboard import Blackboard
 from fluentboard.config import LimitSettings
 from fluentboard.errors import (
     FluentsAreReadOnly,
@@ -62,34 +63,36 @@ class SparqlRoutes:
     """`/sparql`.
 
     Args:
+        board: what is asked.
         evaluator: answers queries.
         limits: on the length of a request.
     """
 
-    def __init__(self, evaluator: Evaluator, limits: LimitSettings) -> None:
+    def __init__(self, board: Blackboard, evaluator: Evaluator, limits: LimitSettings) -> None:
+        self._board = board
         self._evaluator = evaluator
         self._limits = limits
 
     async def get(self, call: Call) -> Reply | StreamedReply:
         """`GET /sparql`: a query, or without one the service description."""
-        parameters = call.parameters()
-        if "update" in parameters:
+        values = call.parameters()
+        if "update" in values:
             raise _read_only()
-        if "query" not in parameters:
+        if "query" not in values:
             return _description(call)
-        return await self._answer(call, _question(parameters, call.header(b"accept")))
+        return await self._answer(_question(values, call.header(b"accept")))
 
     async def post(self, call: Call) -> Reply | StreamedReply:
         """`POST /sparql`: a query as a form, or as the body itself."""
         media_type = call.media_type
-        parameters = call.parameters()
+        values = call.parameters()
         if media_type == _FORM:
             body = await call.body(self._limits.body_max_bytes)
-            for name, values in form_values(body, "the form").items():
-                parameters.setdefault(name, []).extend(values)
+            for name, found in form_values(body, "the form").items():
+                values.setdefault(name, []).extend(found)
         elif media_type == _DIRECT:
             body = await call.body(self._limits.body_max_bytes)
-            parameters["query"] = [utf8_text(body, "the query")]
+            values["query"] = [utf8_text(body, "the query")]
         elif media_type == _UPDATE:
             raise _read_only()
         else:
@@ -97,18 +100,20 @@ class SparqlRoutes:
                 f"a query is sent as {_FORM} or {_DIRECT}, not as {media_type or 'untyped bytes'}",
                 accepted=[_FORM, _DIRECT],
             )
-        if "update" in parameters:
+        if "update" in values:
             raise _read_only()
-        return await self._answer(call, _question(parameters, call.header(b"accept")))
+        return await self._answer(_question(values, call.header(b"accept")))
 
-    async def _answer(self, call: Call, question: Question) -> Reply | StreamedReply:
+    async def _answer(self, question: Question) -> Reply | StreamedReply:
+        if question.as_of is not None:
+            parameters.check_commit(question.as_of, self._board.commit)
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:
             raise _located(problem, question.text) from None
-        headers: HeaderList = [_VARY]
-        if result.commit is not None:
-            headers.append(commit_header(result.commit))
+        headers: HeaderList = [_VARY, commit_header(result.commit)]
+        if result.at_s is not None:
+            headers.append((b"x-at", repr(result.at_s).encode()))
         if result.text is not None:
             return Reply(result.text, result.media_type.encode(), 200, headers)
         sink = result.sink
@@ -124,7 +129,7 @@ class SparqlRoutes:
         description = (
             "SPARQL 1.1 over the whole history: ended fluents are there, with their endpoints "
             "(`upper:hasStartEarliest`, `upper:hasStartLatest`, `upper:hasFinishEarliest`, "
-            "`upper:hasFinishLatest`). The prefixes "
+            "`upper:hasFinishLatest`), unless `at` and `asof` narrow it. The prefixes "
             + ", ".join(f"`{prefix}`" for prefix in PREFIXES)
             + " need no declaration. The result is complete before its first byte is sent, so a "
             "reply is either whole or a problem."
@@ -132,7 +137,10 @@ class SparqlRoutes:
         answer = Answer(
             "The result, in the format that Accept asks for.",
             _result_contents(),
-            {"X-Commit": "The commit that it is exact at; left out if one came in between."},
+            {
+                "X-Commit": "The commit that it is exact at.",
+                "X-At": "The time in seconds that it is exact at, where `at` was given.",
+            },
         )
         errors = (
             InvalidQuery,
@@ -162,7 +170,7 @@ class SparqlRoutes:
                 "Ask a SPARQL query",
                 description,
                 tag="sparql",
-                parameters=(query, *_DATASET),
+                parameters=(query, *_DATASET, *_TIMES),
                 answers={200: answer},
                 errors=errors,
                 is_strict=False,
@@ -175,7 +183,7 @@ class SparqlRoutes:
                 "Ask a SPARQL query that is too long for an address",
                 description,
                 tag="sparql",
-                parameters=_DATASET,
+                parameters=(*_DATASET, *_TIMES),
                 body={
                     _FORM: Content(form, {"query": example}),
                     _DIRECT: Content(text, example),
@@ -202,8 +210,21 @@ _DATASET = tuple(
 )
 
 
-def _question(parameters: Mapping[str, Sequence[str]], accept: str | None) -> Question:
-    queries = parameters.get("query", ())
+_TIMES = (
+    Parameter("at", "See only what holds at this time in seconds, or `now`.", example="now"),
+    Parameter("certainly", "With `at`: only what surely holds.", {"type": "boolean"}, True),
+    Parameter("possibly", "With `at`: also what may hold; the default.", {"type": "boolean"}, True),
+    Parameter(
+        "asof",
+        "See what was believed after this commit.",
+        {"type": "integer", "minimum": 0},
+        17,
+    ),
+)
+
+
+def _question(values: parameters.Values, accept: str | None) -> Question:
+    queries = values.get("query", ())
     if len(queries) != 1:
         raise InvalidQuery(
             f"the request has {len(queries)} queries; send one, as the parameter `query` or as the "
@@ -212,8 +233,11 @@ def _question(parameters: Mapping[str, Sequence[str]], accept: str | None) -> Qu
     return Question(
         queries[0],
         accept,
-        tuple(parameters.get("default-graph-uri", ())),
-        tuple(parameters.get("named-graph-uri", ())),
+        tuple(values.get("default-graph-uri", ())),
+        tuple(values.get("named-graph-uri", ())),
+        parameters.time_or_now(values, "at"),
+        parameters.optional_number(values, "asof"),
+        parameters.certainty(values),
     )
 
 

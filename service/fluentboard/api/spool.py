@@ -23,6 +23,7 @@ from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.errors import FluentboardError, StorageFailed, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.json_format import fluent_from_json, fluent_to_json
+from fluentboard_ontology import UPPER
 
 _WARNINGS_MAX = 100
 
@@ -169,6 +170,10 @@ class Spool:
 
     def _normalised_property(self, statement: Property, vocabulary: Vocabulary) -> Property:
         name = vocabulary.property_name(statement.name)
+        plain = name.removeprefix(UPPER)
+        if plain != name and vocabulary.property_iri(plain) == name:
+            # An undeclared plain name stands for this IRI, as Turtle has it.
+            name = plain
         if name not in self._undeclared and not vocabulary.declares_property(name):
             self._undeclared[name] = None
         kind = vocabulary.class_name(statement.type) if statement.is_reference else statement.type

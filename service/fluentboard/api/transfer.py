@@ -80,17 +80,21 @@ class TransferRoutes:
             media_type = _FORMATS[name]
         else:
             raise InvalidInput(f"the format is {name!r}; give one of {', '.join(_FORMATS)}")
-        commit = parameters.number(
-            values, "asof", most=self._board.commit, default=self._board.commit
+        last = self._board.commit
+        commit = parameters.number(values, "asof", default=last)
+        parameters.check_commit(commit, last)
+        wanted = FluentFilter(
+            at_s=parameters.time_s(values, "at", self._board.clock),
+            certainty=parameters.certainty(values),
+            as_of=commit,
         )
-        wanted = FluentFilter(at_s=parameters.time_s(values, "at", self._board.clock), as_of=commit)
         chunks = self._chunks(wanted, _writer(media_type, self._board.vocabulary))
         headers = [commit_header(commit), (b"vary", b"Accept")]
         return await StreamedReply(chunks, media_type.encode(), headers=headers).begun()
 
     def operations(self) -> list[Operation]:
         """The routes, documented."""
-        text = {"type": "string"}
+        text, flag = {"type": "string"}, {"type": "boolean"}
         export = {media_type: Content(text) for media_type in _FORMATS.values()}
         receipt = {"commit": 12, "commits": 1, "fluents": 3, "changed": 3, "warnings": list[str]()}
         return [
@@ -147,6 +151,10 @@ class TransferRoutes:
                         "yaml",
                     ),
                     Parameter("at", "Only what may hold at this time, or `now`.", text, "now"),
+                    Parameter("certainly", "With `at`: only what surely holds.", flag, True),
+                    Parameter(
+                        "possibly", "With `at`: also what may hold; the default.", flag, True
+                    ),
                     Parameter(
                         "asof",
                         "As the board believed after this commit.",

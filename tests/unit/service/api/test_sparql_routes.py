@@ -144,6 +144,44 @@ def test_an_unknown_prefix_is_refused(api: httpx.Client) -> None:
     assert code(ask(api, "SELECT ?x { ?x a nowhere:Thing }")) == (400, "invalid-query")
 
 
+@pytest.mark.parametrize(
+    ("params", "expected"),
+    [
+        ({}, ["cup1", "cup2"]),
+        ({"at": "15"}, ["cup1"]),
+        ({"at": "25", "certainly": "true"}, []),
+        ({"at": "25", "possibly": "true"}, ["cup1", "cup2"]),
+        ({"at": "now"}, ["cup2"]),
+    ],
+)
+def test_a_time_narrows_what_is_seen(
+    api: httpx.Client, params: dict[str, str], expected: list[str]
+) -> None:
+    cups = [
+        {"name": "cup1", "class": "Spoon", "start": 10, "finish": [20, 30]},
+        {"name": "cup2", "class": "Spoon", "start": [20, 30]},
+    ]
+    assert api.post("/fluents", json=cups).is_success
+    query = "SELECT ?mug WHERE { ?mug a race:Spoon } ORDER BY ?mug"
+    reply = api.get("/sparql", params={"query": query, **params})
+    assert mugs(reply) == expected
+    assert ("x-at" in reply.headers) == ("at" in params)
+
+
+def test_a_commit_narrows_what_is_seen(api: httpx.Client, board: Blackboard) -> None:
+    query, before = "SELECT ?mug WHERE { ?mug a race:Fork }", board.commit
+    assert api.post("/fluents", json={"name": "fork1", "class": "Fork"}).is_success
+    assert mugs(ask(api, query)) == ["fork1"]
+    past = api.get("/sparql", params={"query": query, "asof": before})
+    assert mugs(past) == []
+    assert past.headers["x-commit"] == str(before)
+
+
+def test_the_future_cannot_be_asked(api: httpx.Client, board: Blackboard) -> None:
+    params = {"query": MUGS, "asof": board.commit + 1}
+    assert code(api.get("/sparql", params=params)) == (422, "invalid-input")
+
+
 def test_a_dataset_of_the_protocol_replaces_that_of_the_board(api: httpx.Client) -> None:
     graph = "https://example.org/graph"
     reply = api.get("/sparql", params={"query": MUGS, "default-graph-uri": graph})
