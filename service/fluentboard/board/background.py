@@ -6,28 +6,30 @@ from collections.abc import Iterable, Iterator
 
 import pyoxigraph as ox
 
+from fluentboard.board.declarations import quads_of
 from fluentboard.board.events import StatementsChanged
+from fluentboard.board.statement_layers import StatementLayers
+from fluentboard.board.store import SAID, in_hidden_graph
 from fluentboard.board.triples import fluent_name
-from fluentboard.board.vocabulary import Statement, Vocabulary
-
-_DEFAULT = ox.DefaultGraph()
+from fluentboard.board.vocabulary import Vocabulary
 
 
 class Background:
     """All statements outside fluents, the materialised class hierarchy included.
 
     It starts empty and follows the journal commit by commit, as the RDF store does.
-
-    Attributes:
-        vocabulary: what the ontologies among the statements declare.
     """
 
     def __init__(self) -> None:
-        # A store rather than a set, because it takes 1.0 and 1.00 for the same literal.
+        # Stores rather than sets, because they take 1.0 and 1.00 for the same literal.
         self._quads = ox.Store()
-        self.vocabulary = Vocabulary()
-        self._ontologies: dict[str, StatementsChanged] = {}
-        self._closure: set[Statement] = set()
+        self._said = ox.Store()
+        self._layers = StatementLayers(lambda quad: in_hidden_graph(quad) in self._said)
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """What is declared among the statements."""
+        return self._layers.vocabulary
 
     def __contains__(self, quad: ox.Quad) -> bool:
         return quad in self._quads
@@ -48,41 +50,23 @@ class Background:
             by_commit.setdefault(number, []).append(change)
         was_there: dict[ox.Quad, bool] = {}
         for of_commit in by_commit.values():
-            added, removed = self._step(of_commit)
+            step = self._layers.step(of_commit)
+            hidden, removed = _sorted_out(step.removed)
+            for quad in hidden:
+                self._said.remove(quad)
+            hidden, added = _sorted_out(step.added)
+            self._said.extend(hidden)
+            for graph in step.dropped:
+                removed += self._quads.quads_for_pattern(None, None, None, graph)
             for quad in (*added, *removed):
                 was_there.setdefault(quad, quad in self._quads)
-            self._quads.extend(added)
             for quad in removed:
                 self._quads.remove(quad)
+            self._quads.extend(added)
         return (
             [quad for quad, before in was_there.items() if not before and quad in self._quads],
             [quad for quad, before in was_there.items() if before and quad not in self._quads],
         )
-
-    def _step(self, changes: list[StatementsChanged]) -> tuple[list[ox.Quad], list[ox.Quad]]:
-        """What one commit adds, and what it removes thereafter."""
-        loaded = {change.ontology: change for change in changes if change.ontology}
-        if loaded:
-            self._ontologies.update(loaded)
-            self.vocabulary = Vocabulary(
-                quad.triple
-                for change in self._ontologies.values()
-                for quad in _quads(change.added, "")
-            )
-        closure = self.vocabulary.closure()
-        added = _quads(_text(closure - self._closure), "")
-        removed = _quads(_text(self._closure - closure), "")
-        self._closure = closure
-        for change in changes:
-            added += _quads(change.added, change.graph)
-            removed += _quads(change.removed, change.graph)
-        # An ontology that stays may say some of what another one no longer says.
-        kept = {
-            quad
-            for change in (self._ontologies.values() if removed else ())
-            for quad in _quads(change.added, "")
-        }
-        return added, [quad for quad in removed if quad not in kept]
 
 
 def fluents_spoken_of(changes: Iterable[tuple[int, StatementsChanged]]) -> set[str]:
@@ -91,21 +75,16 @@ def fluents_spoken_of(changes: Iterable[tuple[int, StatementsChanged]]) -> set[s
         quad.subject
         for _, change in changes
         if not change.graph
-        for quad in _quads(change.added, "")
+        for quad in quads_of(change.added, "")
     )
     names = (fluent_name(s.value) for s in subjects if isinstance(s, ox.NamedNode))
     return {name for name in names if name is not None}
 
 
-def _text(statements: Iterable[Statement]) -> str:
-    return "".join(f"{s} {p} {o} .\n" for s, p, o in statements)
-
-
-def _quads(text: str, graph: str) -> list[ox.Quad]:
-    name = ox.NamedNode(graph) if graph else _DEFAULT
-    if not graph:
-        return list(ox.parse(text, format=ox.RdfFormat.N_TRIPLES))
-    return [
-        ox.Quad(quad.subject, quad.predicate, quad.object, name)
-        for quad in ox.parse(text, format=ox.RdfFormat.N_TRIPLES)
-    ]
+def _sorted_out(quads: Iterable[ox.Quad]) -> tuple[list[ox.Quad], list[ox.Quad]]:
+    """The statements of the hidden graph, and the others."""
+    hidden: list[ox.Quad] = []
+    others: list[ox.Quad] = []
+    for quad in quads:
+        (hidden if quad.graph_name == SAID else others).append(quad)
+    return hidden, others

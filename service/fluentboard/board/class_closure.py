@@ -10,8 +10,8 @@ A path is rewritten only where both forms have the same answers:
   `rdf:type` (`rdf:type/rdfs:subClassOf*`). With two free ends, or an end outside the hierarchy,
   `*` also relates a term to itself, whatever it is: that form is left to the engine.
 
-Inside `GRAPH` and `SERVICE`, and in a query with `FROM`, nothing is rewritten: the hierarchy is about
-the default graph.
+Inside `GRAPH` and `SERVICE`, and in a query with `FROM`, nothing is rewritten: the hierarchy is
+about the default graph.
 """
 
 from __future__ import annotations

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from fluentboard.model.fluent import Fluent
+
+GraphEvent = Literal["", "created", "dropped"]
+
+# One of these stands in every statement that declares a class or property, or relates classes.
+_SCHEMA = ("#subClassOf>", "Class>", "Property>")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +67,8 @@ class StatementsChanged:
         removed: N-Triples text.
         ontology: name of the ontology that this loads or replaces, or "".
         digest: fingerprint of the ontology's source text, or "".
+        graph_event: `created` if the named graph was not there before, `dropped` if it is not there
+            any more.
     """
 
     graph: str
@@ -68,8 +76,16 @@ class StatementsChanged:
     removed: str
     ontology: str = ""
     digest: str = ""
+    graph_event: GraphEvent = ""
 
     kind = "statements"
+
+    @property
+    def may_declare(self) -> bool:
+        """It may change which classes and properties there are, and how classes are related."""
+        return bool(self.ontology) or (
+            not self.graph and any(mark in self.added or mark in self.removed for mark in _SCHEMA)
+        )
 
 
 FluentEvent = FluentAdded | FluentRefined | FluentEnded | FluentCorrected

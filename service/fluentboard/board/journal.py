@@ -49,9 +49,10 @@ CREATE INDEX IF NOT EXISTS changes_corrected ON changes (commit_number, name)
 CREATE TABLE IF NOT EXISTS statements (
     commit_number INTEGER NOT NULL, position INTEGER NOT NULL, graph TEXT NOT NULL,
     ontology TEXT NOT NULL, digest TEXT NOT NULL, added TEXT NOT NULL, removed TEXT NOT NULL,
-    PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
+    graph_event TEXT NOT NULL, PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
 """
-_VERSION = 1
+_VERSION = 2
+_STATEMENT_COLUMNS = "graph, added, removed, ontology, digest, graph_event"
 _COLUMNS = (
     "c.commit_number, c.kind, c.name, c.class, c.s1, c.s2, c.f1, c.f2, c.properties, m.author"
 )
@@ -99,7 +100,11 @@ class SqliteJournal:
                 f"PRAGMA synchronous = {'FULL' if durability == 'disk' else 'NORMAL'}"
             )
             (version,) = self._writer.execute("PRAGMA user_version").fetchone()
-            if version not in (0, _VERSION):
+            if version == 1:
+                self._writer.execute(
+                    "ALTER TABLE statements ADD COLUMN graph_event TEXT NOT NULL DEFAULT ''"
+                )
+            elif version not in (0, _VERSION):
                 raise StorageFailed(
                     f"journal {path} has format {version}, this fluentboard reads {_VERSION}; use "
                     "the version that wrote it"
@@ -157,7 +162,7 @@ class SqliteJournal:
                 ],
             )
             connection.executemany(
-                "INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 [
                     (
                         entry.commit.number,
@@ -167,6 +172,7 @@ class SqliteJournal:
                         change.digest,
                         change.added,
                         change.removed,
+                        change.graph_event,
                     )
                     for entry in commits
                     for position, change in enumerate(entry.commit.statements)
@@ -262,11 +268,19 @@ class SqliteJournal:
     ) -> Iterator[tuple[int, StatementsChanged]]:
         """What was said outside fluents by commits in (after, up_to], in order, with the commit."""
         for number, *parts in self._read(
-            "SELECT commit_number, graph, added, removed, ontology, digest FROM statements "
+            f"SELECT commit_number, {_STATEMENT_COLUMNS} FROM statements "
             "WHERE commit_number > ? AND commit_number <= ? ORDER BY commit_number, position",
             (after, _number(up_to)),
         ):
             yield number, StatementsChanged(*parts)
+
+    def statements_by_commit(
+        self, after: int = 0, up_to: int | None = None
+    ) -> Iterator[tuple[int, list[StatementsChanged]]]:
+        """Like `statements`, with what each commit changed in one list."""
+        changes = self.statements(after, up_to)
+        for number, of_commit in groupby(changes, key=lambda entry: entry[0]):
+            yield number, [change for _, change in of_commit]
 
     def request(self, key: str) -> tuple[int, str] | None:
         """Commit number and digest of the request that used an idempotency key."""
@@ -323,7 +337,7 @@ class SqliteJournal:
 
     def _statements(self, number: int) -> tuple[StatementsChanged, ...]:
         rows = self._read(
-            "SELECT graph, added, removed, ontology, digest FROM statements "
+            f"SELECT {_STATEMENT_COLUMNS} FROM statements "
             "WHERE commit_number = ? ORDER BY position",
             (number,),
         )

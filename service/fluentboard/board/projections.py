@@ -11,12 +11,14 @@ from typing import Any
 
 import pyoxigraph as ox
 
+from fluentboard.board.declarations import Declarations
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import Durability, SqliteJournal
+from fluentboard.board.statement_layers import StatementLayers
 from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.triples import event_lines, fluent_lines
-from fluentboard.board.vocabulary import Statement, Vocabulary, parse_statements
+from fluentboard.board.vocabulary import Vocabulary, parse_statements
 from fluentboard.errors import InvalidOntology, UnknownFluent
 from fluentboard.model.fluent import Fluent
 from fluentboard_ontology import ONTOLOGIES, read
@@ -48,8 +50,9 @@ class Projections:
         self.index = index
         self.vocabulary = Vocabulary()
         self.vocabulary_commit = 0
-        self._ontologies: dict[str, StatementsChanged] = {}
-        self._stored_closure: set[Statement] = set()
+        # The writer's thread is ahead of the projector's: each follows what is declared by itself.
+        self._declarations = Declarations()
+        self._layers = StatementLayers(store.says)
         self._recent: dict[str, Fluent] = {}
         self._marked = 0
         self.remembered = 0
@@ -74,10 +77,8 @@ class Projections:
     def remember(self, commits: Sequence[Commit]) -> None:
         """Brings what is in memory to the last of the commits; they are durable by now."""
         for commit in commits:
-            loaded = {c.ontology: c for c in commit.statements if c.ontology}
-            if loaded:
-                self._ontologies = {**self._ontologies, **loaded}
-                self.vocabulary = self._vocabulary()
+            if commit.statements and self._declarations.apply(commit.statements):
+                self.vocabulary = self._declarations.vocabulary
                 self.vocabulary_commit = commit.number
             self.index.put((event.after, commit.number) for event in commit.events)
             for event in commit.events:
@@ -113,17 +114,18 @@ class Projections:
         A store that may hold what the journal has lost is rebuilt.
         """
         last = self.journal.last
-        for _, change in self.journal.statements():
-            if change.ontology:
-                self._ontologies[change.ontology] = change
-        self.vocabulary = self._vocabulary()
+        seen = self.store.applied
+        is_rebuilt = self.store.may_be_ahead or seen > last or (seen == 0 and last > 0)
+        for number, changes in self.journal.statements_by_commit():
+            self._declarations.apply(changes)
+            if number <= seen and not is_rebuilt:
+                self._layers.skip(changes)
+        self.vocabulary = self._declarations.vocabulary
         for name, class_name, s1, s2, f1, f2, number in self.journal.outlines():
             self.index.put_outline(
                 name, class_name, (*_bounds(s1, s2, -math.inf), *_bounds(f1, f2, math.inf)), number
             )
-        self._stored_closure = self.vocabulary.closure()
-        seen = self.store.applied
-        if self.store.may_be_ahead or seen > last or (seen == 0 and last > 0):
+        if is_rebuilt:
             self._rebuild(last)
         elif seen < last:
             logger.info("replaying commits %s to %s into the RDF store", seen + 1, last)
@@ -156,7 +158,7 @@ class Projections:
         changes: list[StatementsChanged] = []
         for name, text in sources:
             digest = hashlib.sha256(text.encode()).hexdigest()
-            loaded = self._ontologies.get(name)
+            loaded = self._declarations.ontologies.get(name)
             if loaded is not None and loaded.digest == digest:
                 continue
             triples = parse_statements(text, f"ontology {name!r}", f"urn:fluentboard:{name}")
@@ -193,42 +195,18 @@ class Projections:
                     added.update(dict.fromkeys(new))
         self.store.apply("".join(added), "".join(removed), commits[-1].number)
 
-    def _project_statements(self, changes: Iterable[StatementsChanged], number: int) -> None:
-        closure = self.vocabulary.closure()
-        default = ox.DefaultGraph()
-        added = _quads(_text(closure - self._stored_closure), default)
-        removed = _quads(_text(self._stored_closure - closure), default)
-        for change in changes:
-            graph = ox.NamedNode(change.graph) if change.graph else default
-            added += _quads(change.added, graph)
-            removed += _quads(change.removed, graph)
-        # An ontology that stays may say some of what another one no longer says.
-        kept = {
-            quad
-            for change in (self._ontologies.values() if removed else ())
-            for quad in _quads(change.added, default)
-        }
-        # In one step, or a reader could see half of it and take it for the whole.
-        self.store.apply_statements(added, [q for q in removed if q not in kept], number)
-        self._stored_closure = closure
-
-    def _vocabulary(self) -> Vocabulary:
-        return Vocabulary(
-            triple for change in self._ontologies.values() for triple in _triples(change.added)
+    def _project_statements(self, changes: Sequence[StatementsChanged], number: int) -> None:
+        step = self._layers.step(changes)
+        # In one transaction, or a reader could see half of it and take it for the whole.
+        self.store.apply_statements(
+            step.added, step.removed, number, created=step.created, dropped=step.dropped
         )
 
     def _rebuild(self, last: int) -> None:
         logger.info("rebuilding the RDF store from the journal (%s commits)", last)
         self.store.clear()
-        for _, change in self.journal.statements():
-            graph = ox.NamedNode(change.graph) if change.graph else ox.DefaultGraph()
-            self.store.apply_statements(
-                _quads(change.added, graph), _quads(change.removed, graph), 0
-            )
-        for change in self._ontologies.values():
-            self.store.apply_statements(_quads(change.added, ox.DefaultGraph()), (), 0)
-        closure = _text(self.vocabulary.closure())
-        self.store.apply_statements(_quads(closure, ox.DefaultGraph()), (), 0)
+        for _, changes in self.journal.statements_by_commit():
+            self._project_statements(changes, 0)
         lines: list[str] = []
         for fluent in self.journal.fluents():
             lines += fluent_lines(fluent, self.vocabulary)
@@ -247,15 +225,3 @@ def _bounds(earliest: Any, latest: Any, unknown: float) -> tuple[float, float]:
 
 def _serialised(triples: Iterable[ox.Triple]) -> str:
     return "".join(f"{triple} .\n" for triple in triples)
-
-
-def _text(statements: Iterable[Statement]) -> str:
-    return "".join(f"{s} {p} {o} .\n" for s, p, o in statements)
-
-
-def _triples(text: str) -> list[ox.Triple]:
-    return [quad.triple for quad in ox.parse(text, format=ox.RdfFormat.N_TRIPLES)]
-
-
-def _quads(text: str, graph: ox.NamedNode | ox.DefaultGraph) -> list[ox.Quad]:
-    return [ox.Quad(t.subject, t.predicate, t.object, graph) for t in _triples(text)]

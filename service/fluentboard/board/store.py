@@ -6,13 +6,15 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pyoxigraph as ox
 
+from fluentboard.board.sparql_tokens import has_word, tokens_of
+from fluentboard.board.statement_script import StatementScript
 from fluentboard.errors import InvalidQuery, StorageFailed
 from fluentboard_ontology import FB, PREFIXES
 
@@ -21,9 +23,18 @@ GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
 
 _PREFIXES = dict(PREFIXES)
 _META = ox.NamedNode(FB + "meta")
+SAID = ox.NamedNode(FB + "said")
+"""Hidden graph: what updates have said in the default graph, besides what ontologies say."""
+HIDDEN_GRAPHS = frozenset({_META, SAID})
+"""The board's own notes; no query sees them unless it names them."""
 _APPLIED = ox.NamedNode(FB + "appliedCommit")
 _STATE = ox.NamedNode(FB + "state")
 _INTEGER = ox.NamedNode("http://www.w3.org/2001/XMLSchema#integer")
+
+
+def in_hidden_graph(quad: ox.Quad) -> ox.Quad:
+    """A statement of the default graph as the hidden graph has it."""
+    return ox.Quad(quad.subject, quad.predicate, quad.object, SAID)
 
 
 class EmbeddedStore:
@@ -95,15 +106,44 @@ class EmbeddedStore:
                 self._sequence += 1
 
     def apply_statements(
-        self, added: Iterable[ox.Quad], removed: Iterable[ox.Quad], commit: int
+        self,
+        added: Iterable[ox.Quad],
+        removed: Iterable[ox.Quad],
+        commit: int,
+        *,
+        created: Iterable[ox.NamedNode] = (),
+        dropped: Iterable[ox.NamedNode] = (),
     ) -> None:
-        """Adds and removes quads; unlike `apply` it keeps the names of blank nodes."""
+        """Removes and then adds quads; unlike `apply` it keeps the names of blank nodes.
+
+        Args:
+            added: statements.
+            removed: statements.
+            commit: number of the last commit that this brings the store to.
+            created: named graphs that are there afterwards, even if they are empty.
+            dropped: named graphs that go, with their statements.
+
+        Raises:
+            StorageFailed: the disk is full or broken; the transaction left no trace.
+        """
+        added, script = list(added), StatementScript()
+        for graph in dropped:
+            script.drop(graph)
+        for quad in removed:
+            script.remove(quad)
+        is_plain = script.is_empty
+        for graph in created:
+            script.create(graph)
+            is_plain = False
         with self._applying:
             self._sequence += 1
             try:
-                self._store.extend(added)
-                for quad in removed:
-                    self._store.remove(quad)
+                if is_plain:
+                    self._store.extend(added)
+                else:
+                    for quad in added:
+                        script.add(quad)
+                    script.run(self._store)
                 self._applied = commit
             except OSError as problem:
                 raise StorageFailed(f"the RDF store cannot be written: {problem}") from None
@@ -155,7 +195,9 @@ class EmbeddedStore:
             InvalidQuery: it does not parse, or cannot be evaluated.
         """
         if named_graphs is None and "GRAPH" in sparql.upper():
-            named_graphs = [g for g in self._store.named_graphs() if g != _META]
+            # A query that names its dataset sees what it names.
+            names_dataset = "FROM" in sparql.upper() and has_word(tokens_of(sparql), "FROM")
+            named_graphs = None if names_dataset else self.named_graphs()
         try:
             return self._store.query(
                 sparql,
@@ -209,6 +251,35 @@ class EmbeddedStore:
             for quad in islice(self._store.quads_for_pattern(*pattern), limit)
             if isinstance(quad.subject, ox.NamedNode)
         ]
+
+    def named_graphs(self) -> list[ox.NamedNode]:
+        """The named graphs, the board's own notes left out."""
+        return [
+            graph
+            for graph in self._store.named_graphs()
+            if isinstance(graph, ox.NamedNode) and graph not in HIDDEN_GRAPHS
+        ]
+
+    def has_graph(self, graph: ox.NamedNode) -> bool:
+        """There is a named graph of that name, if only an empty one."""
+        return self._store.contains_named_graph(graph)
+
+    def __contains__(self, quad: ox.Quad) -> bool:
+        return quad in self._store
+
+    def says(self, quad: ox.Quad) -> bool:
+        """An update has said this statement of the default graph, and none has unsaid it."""
+        return in_hidden_graph(quad) in self._store
+
+    def matching(
+        self,
+        subject: ox.NamedNode | ox.BlankNode | None,
+        predicate: ox.NamedNode | None,
+        target: ox.NamedNode | ox.BlankNode | ox.Literal | ox.Triple | None,
+        graph: GraphName | None,
+    ) -> Iterator[ox.Quad]:
+        """The statements that match, as they are at this moment; None matches any term."""
+        return self._store.quads_for_pattern(subject, predicate, target, graph)
 
     def about(self, iri: str) -> list[ox.Quad]:
         """All statements of the default graph with that subject, at this moment."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import pyoxigraph as ox
 
@@ -45,32 +45,44 @@ def parse_statements(text: str, source: str, base_iri: str | None = None) -> lis
         raise InvalidOntology(f"{source} does not parse: {problem}") from None
 
 
+def is_declaration(triple: ox.Triple) -> bool:
+    """The triple declares a class or property, or relates two classes."""
+    if triple.predicate.value == SUB_CLASS_OF:
+        return True
+    return (
+        triple.predicate.value == RDF_TYPE
+        and isinstance(triple.object, ox.NamedNode)
+        and triple.object.value in _CLASS_TYPES | _PROPERTY_TYPES
+    )
+
+
 class Vocabulary:
     """Classes, properties and the class hierarchy. Immutable: a new ontology makes a new one.
 
     Args:
         statements: the triples of all loaded ontologies.
+        said: declarations made by updates. What they declare goes by prefixed name or IRI; short
+            names are the ontologies', so that a fluent's class never changes its meaning.
     """
 
-    def __init__(self, statements: Iterable[ox.Triple] = ()) -> None:
+    def __init__(
+        self, statements: Iterable[ox.Triple] = (), said: Iterable[ox.Triple] = ()
+    ) -> None:
         self._classes: dict[str, str] = {}
         self._properties: dict[str, str] = {}
         self._canonical: dict[str, str] = {}
         self._labels: dict[str, str] = {}
+        self._aliases: dict[str, list[str]] = {}
         parents: dict[str, set[str]] = {}
         for triple in statements:
-            subject, predicate, target = str(triple.subject), triple.predicate.value, triple.object
-            if predicate == RDF_TYPE and isinstance(triple.subject, ox.NamedNode):
-                kind = target.value if isinstance(target, ox.NamedNode) else ""
-                if kind in _CLASS_TYPES:
-                    self._declare(self._classes, triple.subject.value)
-                elif kind in _PROPERTY_TYPES:
-                    self._declare(self._properties, triple.subject.value)
-            elif predicate == SUB_CLASS_OF:
-                parents.setdefault(subject, set()).add(str(target))
-                parents.setdefault(str(target), set())
-            elif predicate == RDFS + "label" and isinstance(triple.subject, ox.NamedNode):
-                self._labels.setdefault(triple.subject.value, getattr(target, "value", ""))
+            self._note(triple, parents, self._declare)
+            if triple.predicate.value == RDFS + "label" and isinstance(
+                triple.subject, ox.NamedNode
+            ):
+                label: str = getattr(triple.object, "value", "")
+                self._labels.setdefault(triple.subject.value, label)
+        for triple in said:
+            self._note(triple, parents, self._declare_by_iri)
         for iri in self._canonical:
             if self._classes.get(self._canonical[iri]) == iri:
                 parents.setdefault(f"<{iri}>", set())
@@ -80,6 +92,23 @@ class Vocabulary:
             for ancestor in above:
                 self._below.setdefault(ancestor, set()).add(node)
 
+    def _note(
+        self,
+        triple: ox.Triple,
+        parents: dict[str, set[str]],
+        declare: Callable[[dict[str, str], str], None],
+    ) -> None:
+        target = triple.object
+        if triple.predicate.value == RDF_TYPE and isinstance(triple.subject, ox.NamedNode):
+            kind = target.value if isinstance(target, ox.NamedNode) else ""
+            if kind in _CLASS_TYPES:
+                declare(self._classes, triple.subject.value)
+            elif kind in _PROPERTY_TYPES:
+                declare(self._properties, triple.subject.value)
+        elif triple.predicate.value == SUB_CLASS_OF:
+            parents.setdefault(str(triple.subject), set()).add(str(target))
+            parents.setdefault(str(target), set())
+
     def _declare(self, table: dict[str, str], iri: str) -> None:
         local = _local_name(iri)
         # The first to claim a short name keeps it; a later namesake goes by prefix or IRI.
@@ -88,6 +117,14 @@ class Vocabulary:
         else:
             table[iri] = iri
             self._canonical[iri] = iri
+
+    def _declare_by_iri(self, table: dict[str, str], iri: str) -> None:
+        if iri in self._canonical:
+            return
+        table[iri] = iri
+        self._canonical[iri] = iri
+        if table is self._classes:
+            self._aliases.setdefault(_local_name(iri), []).append(iri)
 
     def class_iri(self, name: str) -> str:
         """The IRI of a class given by short name, prefixed name or IRI.
@@ -102,11 +139,15 @@ class Vocabulary:
         short = self._canonical.get(iri)
         if short is not None and self._classes.get(short) == iri:
             return iri
+        aliases = self._aliases.get(name, ())
+        if len(aliases) == 1:
+            return aliases[0]
         close = difflib.get_close_matches(_local_name(name), self._classes, n=3, cutoff=0.6)
         hint = f"did you mean {' or '.join(close)}?" if close else "see GET /classes for all"
         raise UnknownClass(
             f"no loaded ontology declares the class {name!r}; {hint} "
-            "A class of your own is added with `fluentboard serve --ontology FILE`",
+            "A class of your own is added with `fluentboard serve --ontology FILE`, or by saying "
+            "that it is an owl:Class with a SPARQL update",
             name=name,
             suggestions=close,
         )
