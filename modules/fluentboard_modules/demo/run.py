@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.syntax import Syntax
 
 from fluentboard_client import Client
-from fluentboard_modules.demo.findings import Finding, TruePiece, furniture_findings
+from fluentboard_modules.demo.findings import Finding, furniture_findings
 from fluentboard_modules.demo.overview import (
     View,
     save_overview,
@@ -30,9 +30,11 @@ from fluentboard_modules.demo.timeline import rows_of, save_timeline, time_span
 from fluentboard_modules.frames.sensor_frame import FrameSource
 from fluentboard_modules.frames.sources import open_source
 from fluentboard_modules.mapping.config import MappingConfig
+from fluentboard_modules.mapping.evaluation import TruePiece, true_furniture
 from fluentboard_modules.mapping.map_frame import place, read_gravity
 from fluentboard_modules.mapping.worker import MappingModule
 from fluentboard_modules.progress import FrameProgress
+from fluentboard_modules.simulation.scene import Scene
 from fluentboard_modules.worker import run, stop_on_signals
 
 FURNITURE = ("Table", "Desk", "Counter", "CoffeeTable", "Cabinet", "Shelf", "Chair", "Stool")
@@ -108,14 +110,8 @@ def present_furniture(board: Client) -> list[Finding]:
 
 def true_pieces(source: FrameSource) -> list[TruePiece] | None:
     """The furniture that is really there, if the source is a simulation."""
-    scene = getattr(source, "scene", None)
-    if scene is None:
-        return None
-    return [
-        TruePiece(instance.name, instance.cls, instance.box)
-        for instance in scene.objects
-        if instance.cls in FURNITURE
-    ]
+    scene: Scene | None = getattr(source, "scene", None)
+    return None if scene is None else true_furniture(scene, FURNITURE)
 
 
 def _draw(

@@ -16,7 +16,8 @@ from rich.text import Text
 from fluentboard.errors import FluentboardError
 from fluentboard_client import Client, Delta, Row, Snapshot
 from fluentboard_client.results import Term, term_text
-from fluentboard_modules.demo.findings import Finding, Match, TruePiece, compare
+from fluentboard_modules.demo.findings import Finding
+from fluentboard_modules.mapping.evaluation import Match, TruePiece, compare
 from fluentboard_modules.worker import WorkReport
 
 LIVE_QUERY = """\
@@ -143,7 +144,7 @@ def show_findings(
         )
 
 
-def _cells(match: Match, *, with_truth: bool) -> list[Text]:
+def _cells(match: Match[Finding], *, with_truth: bool) -> list[Text]:
     found, true = match.found, match.true
     if found is None:
         assert true is not None

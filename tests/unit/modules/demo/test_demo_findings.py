@@ -1,11 +1,11 @@
-"""What the demo makes of the board's fluents and of the truth."""
+"""What the demo makes of the board's fluents."""
 
 from __future__ import annotations
 
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
-from fluentboard_modules.demo.findings import Finding, TruePiece, compare, furniture_findings
+from fluentboard_modules.demo.findings import furniture_findings
 from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
 
 SINCE = Interval(None, 4.0)
@@ -13,10 +13,6 @@ SINCE = Interval(None, 4.0)
 
 def a_box(x: float) -> BoundingBox:
     return BoundingBox(Pose(x, 1.0, 0.4), 0.5, 0.5, 0.8)
-
-
-def found(name: str, class_name: str, x: float) -> Finding:
-    return Finding(name, class_name, Pose(x, 1.0, 0.4), a_box(x), 0.9, 5, ())
 
 
 def test_finding_is_put_together_from_the_open_parts() -> None:
@@ -46,22 +42,3 @@ def test_finding_is_put_together_from_the_open_parts() -> None:
     present = {fluent.name: fluent for fluent in (new, box, box_pose, plane)}
     (finding,) = furniture_findings([chair, Fluent("chair2", "Chair")], present)
     assert (finding.pose.x, finding.confidence, finding.frames) == (2.0, 0.7, 12)
-
-
-def test_each_true_piece_is_found_once_by_the_nearest() -> None:
-    findings = [found("chair1", "Chair", 1.10), found("chair2", "Chair", 1.02)]
-    matches = compare(findings, [TruePiece("seat", "Chair", a_box(1.0))])
-    assert [(m.found and m.found.name, m.true and m.true.name) for m in matches] == [
-        ("chair1", None),
-        ("chair2", "seat"),
-    ]
-
-
-def test_class_and_distance_must_agree() -> None:
-    true = [TruePiece("seat", "Chair", a_box(1.0)), TruePiece("top", "Table", a_box(1.0))]
-    matches = compare([found("chair1", "Chair", 1.3), found("table1", "Table", 1.3)], true)
-    assert [(m.found is not None, m.true is not None) for m in matches] == [
-        (True, False),
-        (True, True),
-        (False, True),
-    ]
