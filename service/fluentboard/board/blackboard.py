@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -27,16 +29,16 @@ from fluentboard.board.listing import Listing, Page
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
-from fluentboard.board.time_functions import Function, mentions_functions, time_functions
+from fluentboard.board.time_functions import functions_for, mentions_functions
 from fluentboard.board.time_view import Perspective
 from fluentboard.board.time_views import TimedResults, TimeViews
+from fluentboard.board.trajectory import Trajectory, pose_names, trajectory_of
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
-from fluentboard.errors import FluentboardError, InvalidInput
+from fluentboard.errors import FluentboardError, InvalidInput, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Certainty
-from fluentboard.model.relations import Bounds
 from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
@@ -210,6 +212,31 @@ class Blackboard:
         """
         return self._listing.page(wanted, after, limit)
 
+    def trajectory(
+        self,
+        name: str,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        *,
+        as_of: int | None = None,
+    ) -> Trajectory:
+        """Where an object was at some moment of [from_s, to_s), as believed after a commit.
+
+        Raises:
+            UnknownFluent: it was not asserted (by then).
+            InvalidTime, IntervalReversed: from_s and to_s are no window of time.
+        """
+        fluent, poses = self.fluent(name, as_of), dict[str, Fluent]()
+        for pose in pose_names(fluent):
+            with suppress(UnknownFluent):  # a reference may be to what is not on the board yet
+                poses[pose] = self.fluent(pose, as_of)
+        return trajectory_of(
+            fluent,
+            poses,
+            -math.inf if from_s is None else from_s,
+            math.inf if to_s is None else to_s,
+        )
+
     def query(
         self,
         sparql: str,
@@ -265,7 +292,7 @@ class Blackboard:
         self._projector.wait_for(self.commit)
         commit, results = self._projections.store.snapshot_query(
             self._rewritten(sparql) if default_graphs is None else sparql,
-            functions_at=self._functions(sparql),
+            functions_at=functions_for(sparql, self._projections.index, self.clock),
             default_graphs=default_graphs,
             named_graphs=named_graphs,
         )
@@ -279,7 +306,8 @@ class Blackboard:
         # The rewritten query is right only where the class hierarchy of this vocabulary is stored.
         self._projector.wait_for(self._projections.vocabulary_commit)
         return self._projections.store.snapshot_query(
-            self._rewritten(sparql), functions_at=self._functions(sparql)
+            self._rewritten(sparql),
+            functions_at=functions_for(sparql, self._projections.index, self.clock),
         )
 
     def next_change_s(self, certainty: Certainty = Certainty.POSSIBLE) -> float:
@@ -288,21 +316,6 @@ class Blackboard:
         A commit may bring it forward or put it off.
         """
         return self._views.next_change_s(certainty)
-
-    def _functions(self, sparql: str) -> Callable[[int], Mapping[ox.NamedNode, Function]] | None:
-        """The extension functions that a query calls, for the commit it is evaluated at."""
-        if not mentions_functions(sparql):
-            return None
-        index, now_s = self._projections.index, self.clock.now_s()
-
-        def functions_at(commit: int) -> Mapping[ox.NamedNode, Function]:
-            def bounds_of(name: str) -> Bounds | None:
-                row = index.row(name)
-                return None if row is None else index.bounds(row, commit)
-
-            return time_functions(sparql, bounds_of, now_s)
-
-        return functions_at
 
     def listen(self, callback: Listener) -> Callable[[], None]:
         """Has every group of commits passed on as soon as it is applied.

@@ -18,7 +18,9 @@ from typing import Final
 
 import pyoxigraph as ox
 
+from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.triples import fluent_name
+from fluentboard.clock import Clock
 from fluentboard.model.interval import Certainty
 from fluentboard.model.relations import (
     Bounds,
@@ -171,6 +173,24 @@ def time_functions(sparql: str, bounds_of: BoundsOf, now_s: float) -> dict[ox.Na
         for name, iri in _IRIS.items()
         if is_escaped or name in sparql
     }
+
+
+def functions_for(
+    sparql: str, index: IntervalIndex, clock: Clock
+) -> Callable[[int], dict[ox.NamedNode, Function]] | None:
+    """Gives the functions that a query calls for the commit it is evaluated at; None for none."""
+    if not mentions_functions(sparql):
+        return None
+    now_s = clock.now_s()
+
+    def functions_at(commit: int) -> dict[ox.NamedNode, Function]:
+        def bounds_of(name: str) -> Bounds | None:
+            row = index.row(name)
+            return None if row is None else index.bounds(row, commit)
+
+        return time_functions(sparql, bounds_of, now_s)
+
+    return functions_at
 
 
 _RELATIONS: Final = {
