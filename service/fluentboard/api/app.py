@@ -9,6 +9,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import Match
 
 from fluentboard import __version__
 from fluentboard.api.edge import Edge
@@ -73,12 +74,16 @@ class BoardApp(FastAPI):
         root: str = scope.get("root_path", "")
         if root and path.startswith(root):
             path = path[len(root) :]
-        if kind == "http" and self._router.knows(path):
-            await self._edge.serve(scope, receive, send, path)
-        elif kind == "websocket" and path == "/subscriptions":
+        if kind == "websocket" and path == "/subscriptions":
             await self.live.serve(scope, receive, send, path)
+        elif kind == "http" and (self._router.knows(path) or not self._is_known_to_others(scope)):
+            await self._edge.serve(scope, receive, send, path)
         else:
             await super().__call__(scope, receive, send)
+
+    def _is_known_to_others(self, scope: Scope) -> bool:
+        """FastAPI has a route for the path, if only for another method."""
+        return any(route.matches(scope)[0] is not Match.NONE for route in self.router.routes)
 
     def openapi(self) -> dict[str, Any]:
         """The OpenAPI 3.1 document of the board, with routes added to this app by others."""
