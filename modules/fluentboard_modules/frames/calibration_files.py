@@ -104,7 +104,7 @@ def read_camera(path: Path, depths: Iterable[Path]) -> Camera | None:
     size = next((size for depth in depths if (size := png_size(depth)) is not None), None)
     if size is None:
         raise InvalidFrame(f"{path.parent}: not one depth image of the recording can be read")
-    return Camera(*size, fx=matrix[0, 0], fy=matrix[1, 1], cx=matrix[0, 2], cy=matrix[1, 2])
+    return Camera.from_matrix(*size, matrix)
 
 
 def read_json(path: Path) -> Mapping[str, Any]:
@@ -146,7 +146,7 @@ def camera_from_json(document: Mapping[str, Any], where: str) -> Camera:
             f"{where}: intrinsic_matrix ends in {matrix[2, 2]}, not in 1; give its nine numbers "
             "column by column"
         )
-    return Camera(width, height, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
+    return Camera.from_matrix(width, height, matrix)
 
 
 def read_gravity(path: Path) -> FloatArray | None:

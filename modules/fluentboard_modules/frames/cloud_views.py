@@ -59,7 +59,12 @@ class CloudView:
     is_measured: bool
 
 
-def view_cloud(cloud: PointCloud, name: str, fallback: Transform | None = None) -> CloudView:
+def view_cloud(
+    cloud: PointCloud,
+    name: str,
+    fallback: Transform | None = None,
+    level: int = logging.WARNING,
+) -> CloudView:
     """How a camera sees a cloud.
 
     Args:
@@ -67,6 +72,7 @@ def view_cloud(cloud: PointCloud, name: str, fallback: Transform | None = None) 
         name: of the cloud, for messages.
         fallback: `T_cloud_sensor` to look from if no direction has nearly all points in front; by
             default the cloud is taken for a scene with z up and seen from outside and above.
+        level: at which the log is told about a view that was made up.
 
     Raises:
         InvalidFrame: there is no point in it.
@@ -83,7 +89,8 @@ def view_cloud(cloud: PointCloud, name: str, fallback: Transform | None = None) 
                 pixel = np.arange(len(cloud.points)).reshape(cloud.height, cloud.width)
                 pixel = np.where(cloud.valid.reshape(pixel.shape), pixel, -1)
                 return CloudView(camera, T_cloud_sensor, pixel, is_measured=True)
-        logger.warning(
+        logger.log(
+            level,
             "%s: the %d x %d points are not the image of a pinhole camera; seen by a virtual one",
             name,
             cloud.width,
@@ -92,15 +99,16 @@ def view_cloud(cloud: PointCloud, name: str, fallback: Transform | None = None) 
     points = cloud.points[cloud.valid]
     for T_cloud_sensor in candidates:
         if _share_in_view(T_cloud_sensor.inverse().apply(points)) >= _LEAST_IN_VIEW:
-            return _virtual_view(cloud, T_cloud_sensor, name)
+            return _virtual_view(cloud, T_cloud_sensor, name, level)
     if fallback is not None:
-        return _virtual_view(cloud, fallback, name)
-    logger.warning(
+        return _virtual_view(cloud, fallback, name, level)
+    logger.log(
+        level,
         "%s: no place of a sensor is recorded and the points lie on all sides; taken for a scene "
         "with z up and seen from above",
         name,
     )
-    return _virtual_view(cloud, _overview(points), name)
+    return _virtual_view(cloud, _overview(points), name, level)
 
 
 def fit_pinhole(cloud: PointCloud, T_cloud_sensor: Transform) -> Camera | None:
@@ -189,7 +197,7 @@ def _in_view(points_sensor: FloatArray) -> NDArray[np.bool_]:
     return (z > _NEAREST_M) & (np.maximum(x, y) <= _WIDEST_TANGENT * z)
 
 
-def _virtual_view(cloud: PointCloud, T_cloud_sensor: Transform, name: str) -> CloudView:
+def _virtual_view(cloud: PointCloud, T_cloud_sensor: Transform, name: str, level: int) -> CloudView:
     """The cloud splatted into the image of a camera just large enough for what it sees."""
     points = T_cloud_sensor.inverse().apply(cloud.points)
     points[~cloud.valid] = 0.0
@@ -198,7 +206,7 @@ def _virtual_view(cloud: PointCloud, T_cloud_sensor: Transform, name: str) -> Cl
         raise InvalidFrame(f"{name}: no point in front of the sensor; check its pose")
     hidden = 1.0 - len(places) / np.count_nonzero(cloud.valid)
     if hidden > 1.0 - _LEAST_IN_VIEW:
-        logger.warning("%s: %.0f %% of the points are out of view", name, 100.0 * hidden)
+        logger.log(level, "%s: %.0f %% of the points are out of view", name, 100.0 * hidden)
     tangents = points[places, :2] / points[places, 2:]
     low, high = tangents.min(axis=0), tangents.max(axis=0)
     extent = np.maximum(high - low, 1e-3)

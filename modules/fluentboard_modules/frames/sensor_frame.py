@@ -43,6 +43,12 @@ class Camera:
                 "give positive numbers of pixels"
             )
 
+    @classmethod
+    def from_matrix(cls, width: int, height: int, matrix: FloatArray) -> Camera:
+        """The camera of a `(3, 3)` matrix `fx 0 cx / 0 fy cy / 0 0 1`."""
+        (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
+        return cls(width, height, fx, fy, cx, cy)
+
     def rays(self) -> FloatArray:
         """`(h, w, 3)`; per pixel the direction in the camera frame with z = 1."""
         u, v = np.meshgrid(np.arange(self.width), np.arange(self.height))
