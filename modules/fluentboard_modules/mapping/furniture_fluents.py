@@ -24,8 +24,8 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
-from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane, box_overlap
-from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.furniture_item import FurnitureItem, box_overlap
+from fluentboard_modules.mapping.plane_fluents import plane_fluents
 
 
 class UpdateConfig(BaseModel):
@@ -48,6 +48,13 @@ class UpdateConfig(BaseModel):
         description="Share of these thresholds that counts at the end of a run: the last estimate "
         "is the best.",
     )
+    rest_s: float = Field(
+        2.0,
+        ge=0.0,
+        description="A piece that grows with every frame is not written more often than this, "
+        "unless it has changed by `urgent` thresholds.",
+    )
+    urgent: float = Field(4.0, ge=1.0, description="In thresholds: 20 cm, 20 degrees.")
     same_place_overlap: float = Field(
         0.4,
         gt=0.0,
@@ -86,6 +93,7 @@ class Written:
         name: of its fluent.
         estimate: its pose and box as written.
         confirmed_s: the last time it was seen as it was written, in seconds; None if nobody knows.
+        written_s: time of the look that was written last; None if nobody knows.
         generation: number of the present pose and box, 0 for the first.
         parts: names of the present pose, box and box-pose fluents.
         planes: names of the present plane fluents.
@@ -105,6 +113,7 @@ class Written:
     area: str = ""
     area_parts: tuple[str, ...] = ()
     rules: tuple[str, ...] = ()
+    written_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +201,7 @@ class FurnitureFluents:
     def _introduction(self, name: str, item: FurnitureItem) -> tuple[Written, list[Statement]]:
         start = Interval(None, item.first_seen_s)
         parts, links = _geometry(name, item.pose, item.box, 0, start)
-        planes, plane_links = _planes(name, item, 0, start)
+        planes, plane_links = plane_fluents(_plane_name(name, 0), item, start)
         properties = (*links, *plane_links, *_rules(item.rules))
         known = Written(
             name,
@@ -203,6 +212,7 @@ class FurnitureFluents:
             planes=_names(planes),
             plane_frames=item.n_frames,
             rules=item.rules,
+            written_s=item.last_seen_s,
         )
         thing = Fluent(name, item.class_name, start, UNKNOWN, properties)
         known, area = _placed(known, item, start)
@@ -225,6 +235,8 @@ class FurnitureFluents:
             if not new_rules:
                 return known, []
             return known, [Fluent(known.name, item.class_name, properties=_rules(new_rules))]
+        if not final and self._is_resting(known, estimate, item.last_seen_s):
+            return known, []
         change = Interval(known.confirmed_s, item.last_seen_s)
         generation = known.generation + 1
         parts, links = _geometry(known.name, item.pose, item.box, generation, change)
@@ -240,9 +252,16 @@ class FurnitureFluents:
             generation=generation,
             parts=_names(parts),
             rules=(*known.rules, *new_rules),
+            written_s=item.last_seen_s,
         )
         known, area = _placed(known, item, change)
         return known, [*statements, *area]
+
+    def _is_resting(self, known: Written, estimate: Estimate, now_s: float) -> bool:
+        """Whether it was written a moment ago and has not changed much since."""
+        if known.written_s is None or now_s - known.written_s >= self.config.rest_s:
+            return False
+        return not known.estimate.differs(estimate, self.config, self.config.urgent)
 
 
 def _retraction(known: Written, now_s: float) -> list[Statement]:
@@ -262,7 +281,7 @@ def _last_planes(known: Written, item: FurnitureItem) -> tuple[Written, list[Sta
         return known, []
     # By frames, so that a later run goes on with numbers of its own.
     change = Interval.at(_later(known.confirmed_s, item.last_seen_s))
-    planes, links = _planes(known.name, item, item.n_frames, change)
+    planes, links = plane_fluents(_plane_name(known.name, item.n_frames), item, change)
     statements: list[Statement] = [
         *planes,
         Fluent(known.name, item.class_name, properties=links),
@@ -312,55 +331,8 @@ def _geometry(
     return fluents, links
 
 
-def _planes(
-    name: str, item: FurnitureItem, number: int, start: Interval
-) -> tuple[list[Fluent], tuple[Property, ...]]:
-    """Plane fluents with what was measured at them, and the properties that refer to them."""
-    fluents: list[Fluent] = []
-    links: list[Property] = []
-    stem = f"plane{_capitalised(name)}_{number}"
-    for index, plane in enumerate(item.planes):
-        plane_name = stem if index == 0 else f"{stem}_{index}"
-        properties = tuple(
-            Property(measure, "xsd:double", value) for measure, value in _measures(plane).items()
-        )
-        evidence = (
-            Property("hasConfidence", "xsd:double", round(item.score, 4)),
-            Property("hasFrameCount", "xsd:integer", plane.n_frames),
-            Property("hasContour", "xsd:string", _contour_text(plane.region)),
-        )
-        fluents.append(Fluent(plane_name, plane.label, start, UNKNOWN, (*properties, *evidence)))
-        relation = "hasMainPlane" if index == 0 else "hasPlane"
-        links.append(Property(relation, plane.label, plane_name))
-    return fluents, tuple(links)
-
-
-def _measures(plane: FurniturePlane) -> dict[str, float]:
-    """What the furniture ontology measures at a plane."""
-    region = plane.region
-    length, width = sorted(region.extents_m, reverse=True)
-    inclination = min(region.tilt_rad, math.pi - region.tilt_rad)
-    values = {
-        "hasSize": region.area_m2,
-        "hasPosY": region.height_m,
-        "hasInclination": inclination,
-        "hasLength": length,
-        "hasWidth": width,
-    }
-    return {name: round(value, 4) for name, value in values.items()}
-
-
-def _contour_text(region: PlanarRegion) -> str:
-    """The outline in the map frame as WKT, metres with three digits."""
-    polygons: list[str] = []
-    for part in region.contour.geoms:
-        rings: list[str] = []
-        for ring in (part.exterior, *part.interiors):
-            corners = np.asarray(ring.coords)
-            points = region.T_map_region.apply(np.column_stack([corners, np.zeros(len(corners))]))
-            rings.append("(" + ", ".join(f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in points) + ")")
-        polygons.append("(" + ", ".join(rings) + ")")
-    return f"MULTIPOLYGON Z ({', '.join(polygons)})"
+def _plane_name(name: str, number: int) -> str:
+    return f"plane{_capitalised(name)}_{number}"
 
 
 def _rules(rules: Iterable[str]) -> tuple[Property, ...]:

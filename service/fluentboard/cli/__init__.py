@@ -26,7 +26,7 @@ def create_app() -> typer.Typer:
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
-        rich_markup_mode="rich",
+        rich_markup_mode="markdown",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_describe)
@@ -44,7 +44,7 @@ def create_app() -> typer.Typer:
 def main() -> None:
     """Runs the command line; errors are one line on stderr and exit code 1 (2 for wrong usage)."""
     try:
-        create_app()()
+        create_app()(prog_name="fluentboard")
     except FluentboardError as problem:
         _complain(str(problem))
         sys.exit(1)

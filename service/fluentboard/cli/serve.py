@@ -29,14 +29,20 @@ def register(app: typer.Typer) -> None:
 
 def serve(
     host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Address to listen on. [127.0.0.1]")
+        str | None,
+        typer.Option(metavar="ADDRESS", show_default="127.0.0.1", help="Address to listen on."),
     ] = None,
     port: Annotated[
-        int | None, typer.Option(metavar="PORT", help="TCP port; 0 takes any free one. [8080]")
+        int | None,
+        typer.Option(metavar="PORT", show_default="8080", help="TCP port; 0 takes any free one."),
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the journal and the store. [fluentboard-data]"),
+        typer.Option(
+            metavar="DIR",
+            show_default="fluentboard-data",
+            help="Folder of the journal and the store.",
+        ),
     ] = None,
     in_memory: Annotated[
         bool, typer.Option("--in-memory", help="Keep nothing on disk; for trials and tests.")
@@ -47,7 +53,7 @@ def serve(
     ] = None,
     durability: Annotated[
         Literal["disk", "process"] | None,
-        typer.Option(help="Whether a write waits until it is on the disk. [disk]"),
+        typer.Option(show_default="disk", help="Whether a write waits until it is on the disk."),
     ] = None,
     allow_open: Annotated[
         bool,
@@ -72,7 +78,7 @@ def serve(
 ) -> None:
     """Serve a board over HTTP, until Ctrl-C or SIGTERM.
 
-    Settings come from defaults, the file given with --config, FLUENTBOARD_* variables and flags,
+    Settings come from defaults, the file given with --config, `FLUENTBOARD_*` variables and flags,
     each overriding the ones before. When the board is ready, one line with its address is printed.
     """
     from fluentboard.config import load_settings, settings_yaml

@@ -124,6 +124,20 @@ def test_change_happened_between_two_looks() -> None:
     assert endings(statements)["poseTable1_0"] == Interval(7.0, 9.0)
 
 
+def test_piece_that_grows_with_every_frame_is_not_written_with_every_frame() -> None:
+    state, _ = start().update([a_table()], 5.0)
+    state, statements = state.update([a_table(x=2.06, last_seen_s=5.5)], 5.5)
+    assert statements == []
+    _, statements = state.update([a_table(x=2.12, last_seen_s=7.0)], 7.0)
+    assert fluents(statements)["poseTable1_1"].start == Interval(5.0, 7.0)
+
+
+def test_large_change_is_written_at_once() -> None:
+    state, _ = start().update([a_table()], 5.0)
+    _, statements = state.update([a_table(x=2.5, last_seen_s=5.5)], 5.5)
+    assert "poseTable1_1" in fluents(statements)
+
+
 def test_moved_piece_takes_its_placing_area_along() -> None:
     state, _ = start().update([a_table()], 5.0)
     _, statements = state.update([a_table(x=3.0, last_seen_s=9.0)], 9.0)
