@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import pyoxigraph as ox
 import pytest
 
+from fluentboard.board import listing
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, CorrectFluent, EndFluent, RefineFluent
 from fluentboard.board.events import Commit
@@ -281,3 +282,56 @@ def test_closed_board_refuses_writes(board: Blackboard) -> None:
     board.close()
     with pytest.raises(StorageFailed, match="closed"):
         board.execute([AssertFluent(MUG)], "ann")
+
+
+def test_listing_by_property_as_believed_at_a_commit(board: Blackboard) -> None:
+    board.execute([AssertFluent(MUG), AssertFluent(Fluent("m2", "Mug"))], "ann")
+    seen = board.execute([RefineFluent("m2", properties=MUG.properties)], "ann").number
+    moved = Fluent("mug1", "Mug", properties=(Property("hasPose", "Pose", "pose2"),))
+    board.execute([CorrectFluent(moved, "wrong mug")], "ann")
+    wanted = FluentFilter(property_name="hasPose", property_value="pose1")
+    assert [f.name for f in board.list(wanted).fluents] == ["m2"]
+    then = FluentFilter(property_name="hasPose", property_value="pose1", as_of=seen)
+    assert [f.name for f in board.list(then).fluents] == ["mug1", "m2"]
+    before = FluentFilter(property_name="hasPose", property_value="pose1", as_of=seen - 1)
+    assert [f.name for f in board.list(before).fluents] == ["mug1"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "text"),
+    [
+        ("xsd:float", 5.0, "5"),
+        ("xsd:float", 5.0, "5.0"),
+        ("xsd:boolean", True, "true"),
+        ("xsd:integer", 12, "12"),
+        ("xsd:string", "5.0", "5.0"),
+    ],
+)
+def test_listing_by_a_value_takes_any_way_to_write_it(
+    board: Blackboard, kind: str, value: str | float | bool, text: str
+) -> None:
+    board.execute(
+        [AssertFluent(Fluent("f", "Mug", properties=(Property("hasX", kind, value),)))], "a"
+    )
+    wanted = FluentFilter(property_name="hasX", property_value=text)
+    assert [f.name for f in board.list(wanted).fluents] == ["f"]
+
+
+def test_listing_by_a_common_property_is_paged(
+    board: Blackboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listing, "_CANDIDATES_MAX", 2)
+    board.execute([AssertFluent(Fluent(f"m{i}", "Mug")) for i in range(3)], "ann")
+    posed = [Fluent(f"p{i}", "Mug", properties=MUG.properties) for i in range(4)]
+    board.execute([AssertFluent(fluent) for fluent in posed], "ann")
+    page = board.list(FluentFilter(property_name="hasPose"), limit=3)
+    assert [f.name for f in page.fluents] == ["p0", "p1", "p2"]
+    assert page.next is not None
+    rest = board.list(FluentFilter(property_name="hasPose"), after=page.next, limit=3)
+    assert ([f.name for f in rest.fluents], rest.next) == (["p3"], None)
+
+
+def test_a_page_says_the_commit_it_is_exact_at(board: Blackboard) -> None:
+    number = board.execute([AssertFluent(MUG)], "ann").number
+    assert board.list(FluentFilter()).commit == number
+    assert board.list(FluentFilter(as_of=number - 1)).commit == number - 1
