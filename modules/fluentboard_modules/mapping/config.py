@@ -207,6 +207,12 @@ class FusionConfig(_Settings):
     forget_least_views: int = Field(
         default=5, ge=1, description="Views that miss a plane before that."
     )
+    stale_share: float = Field(
+        default=0.02, ge=0.0, description="Contours are traced anew after such a change of area."
+    )
+    stale_m: float = Field(
+        default=0.003, ge=0.0, description="And after such a shift, or such a turn in radians."
+    )
     planes_max: int = Field(
         default=400, ge=1, description="The smallest, longest unseen are dropped."
     )
@@ -240,9 +246,9 @@ class FurnitureMapConfig(_Settings):
     accept_score: float = Field(default=0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
     drop_score: float = Field(default=0.3, gt=0.0, lt=1.0, description="No furniture any more.")
     patience_frames: int = Field(
-        default=8,
+        default=15,
         ge=0,
-        description="How long a piece survives without a hypothesis, and a rival waits.",
+        description="Views of its main plane a piece survives without a hypothesis.",
     )
     same_place_overlap: float = Field(
         default=0.4,

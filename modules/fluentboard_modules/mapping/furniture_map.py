@@ -46,7 +46,7 @@ class _Track:
     item: FurnitureItem
     main_plane: int
     n_direct: int = 0
-    n_without: int = 0  # updates in a row without a hypothesis
+    n_without: int = 0  # views in a row of its main plane without a hypothesis
     is_accepted: bool = False
     reported: FurnitureItem | None = None
 
@@ -228,10 +228,13 @@ class FurnitureMap:
     ) -> None:
         """Joins this update's hypotheses with the pieces known so far."""
         free = list(chosen)
+        seen_now = self._plane_map.planes_seen_last
         for track in self._tracks:
             candidate = self._match(track, free)
             if candidate is None:
-                track.n_without += 1
+                # What is out of sight is not judged; what is gone is.
+                main_plane = self._plane_map.current(track.main_plane)
+                track.n_without += main_plane is None or main_plane in seen_now
                 continue
             free.remove(candidate)
             track.n_without = 0
@@ -306,9 +309,16 @@ class FurnitureMap:
     def _report(self) -> list[FurnitureChange]:
         changes: list[FurnitureChange] = []
         kept: list[_Track] = []
+        explained = {
+            self._plane_map.current(track.main_plane)
+            for track in self._tracks
+            if track.n_without == 0 and track.item.score >= self._config.accept_score
+        }
         for track in self._tracks:
+            main_plane = self._plane_map.current(track.main_plane)
             lost = track.n_without > self._config.patience_frames or (
-                track.n_without > 0 and self._plane_map.current(track.main_plane) is None
+                # Nothing to wait for: the plane is gone, or is something else by now.
+                track.n_without > 0 and (main_plane is None or main_plane in explained)
             )
             if track.is_accepted and (lost or track.item.score < self._config.drop_score):
                 changes.append(FurnitureChange("disappeared", track.item))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from fluentboard_modules.mapping.config import FusionConfig
 from fluentboard_modules.mapping.contours import tidy
 from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
 
+_NEAREST_M = 0.3  # nearer to the sensor nothing is judged
 _MARGIN_CELLS = 16  # grown on every side when the grid is too small, so that it rarely is
 
 
@@ -80,12 +81,16 @@ class MapPlane:
     sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
     _region: PlanarRegion | None = None
     _fit: FloatArray | None = None
+    _solid: NDArray[np.bool_] | None = None
+    _traced: tuple[int, int, FloatArray] | None = None  # the state the region was made from
 
     @property
     def solid(self) -> NDArray[np.bool_]:
         """`(h, w)`; the cells that most frames which could see them saw."""
-        share = self.config.solid_share
-        return (self.hits > 0) & (self.hits * (1.0 - share) >= self.misses * share)
+        if self._solid is None:
+            share = self.config.solid_share
+            self._solid = (self.hits > 0) & (self.hits * (1.0 - share) >= self.misses * share)
+        return self._solid
 
     @property
     def area_m2(self) -> float:
@@ -134,13 +139,19 @@ class MapPlane:
         corners = np.concatenate(rings)[:, :2]
         low = np.floor(corners.min(axis=0) / cell).astype(int)
         size = np.floor(corners.max(axis=0) / cell).astype(int) - low + 1
-        image = np.zeros((int(size[1]), int(size[0])), np.uint8)
-        # Sixteenths of a cell; cell k spans [k, k + 1), so its centre is at k + 1/2.
+        # Filling includes the pixels under the outline, so it is done with four pixels per cell, of
+        # which two must be inside. Even-odd filling leaves the holes open.
+        image = np.zeros((2 * int(size[1]), 2 * int(size[0])), np.uint8)
         pixels = [
-            np.round((ring[:, :2] / cell - low - 0.5) * 16.0).astype(np.int32) for ring in rings
+            np.round(((ring[:, :2] / cell - low) * 2.0 - 0.5) * 16.0).astype(np.int32)
+            for ring in rings
         ]
-        cv2.fillPoly(image, pixels, 1, lineType=cv2.LINE_8, shift=4)  # even-odd, so holes stay open
-        rows, columns = np.nonzero(image)
+        cv2.fillPoly(image, pixels, 1, lineType=cv2.LINE_8, shift=4)
+        quarters = image[::2, ::2] + image[1::2, ::2] + image[::2, 1::2] + image[1::2, 1::2]
+        rows, columns = np.nonzero(quarters >= 2)
+        if rows.size == 0:  # a sliver, thinner than a cell
+            middle = (region.centroid - translation) @ rotation
+            return np.floor(middle[None, :2] / cell).astype(np.int32)
         return np.column_stack([columns + low[0], rows + low[1]]).astype(np.int32)
 
     def overlap(self, cells: NDArray[np.int32], reach: int) -> int:
@@ -184,7 +195,7 @@ class MapPlane:
             self.n_confirmed += 1
         self.last_seen = update
         self.sensor_position = region.sensor_position
-        self._region = self._fit = None
+        self._fit = self._solid = None
 
     def absorb(self, other: MapPlane) -> None:
         """Takes over everything another map plane knows about the same surface."""
@@ -216,7 +227,7 @@ class MapPlane:
         self.n_unnoticed = min(self.n_unnoticed, other.n_unnoticed)
         self.n_points += other.n_points
         self.last_seen = max(self.last_seen, other.last_seen)
-        self._region = self._fit = None
+        self._fit = self._solid = self._region = None
 
     def judge(self, view: Visibility) -> None:
         """Counts a frame for or against the plane as a whole."""
@@ -259,33 +270,40 @@ class MapPlane:
             tolerance_m: how far behind the plane a measurement must be to prove it absent.
             seen: cells that this frame's own regions hit; these are not judged again.
         """
-        rows, columns = np.nonzero(self.hits > 0)
+        rows, columns = np.nonzero(self.hits)
         if rows.size == 0:
             return Visibility(0, 0, 0)
-        cell = self.config.cell_m
-        x, y = (columns + self.corner[0] + 0.5) * cell, (rows + self.corner[1] + 0.5) * cell
+        # The plane is affine in column and row, and so is its image in the camera frame.
         a, b, c = self.fit
-        points = np.column_stack([x, y, a * x + b * y + c])
-        T_sensor_grid = T_sensor_map @ self.T_map_grid
-        in_camera = T_sensor_grid.apply(points)
-        depth = in_camera[:, 2]
-        ahead = depth > 0.3
-        pixel = np.zeros((len(points), 2), dtype=int)
-        pixel[ahead] = np.round(frame.camera.project(in_camera[ahead])).astype(int)
-        ahead &= (pixel >= 0).all(axis=1)
-        ahead &= (pixel < (frame.camera.width, frame.camera.height)).all(axis=1)
-        measured = np.zeros(len(points))
-        measured[ahead] = frame.depth_m[pixel[ahead, 1], pixel[ahead, 0]]
+        cell = self.config.cell_m
+        T_sensor_grid = T_sensor_map.matrix @ self.T_map_grid.matrix
+        x, y = (self.corner[0] + 0.5) * cell, (self.corner[1] + 0.5) * cell
+        first = (T_sensor_grid @ (x, y, a * x + b * y + c, 1.0))[:3].astype(np.float32)
+        along = cell * np.array([[1.0, 0.0, a], [0.0, 1.0, b]]) @ T_sensor_grid[:3, :3].T
+        in_camera = first + np.column_stack([columns, rows]).astype(np.float32) @ along.astype(
+            np.float32
+        )
+        camera = frame.camera
+        depth = np.maximum(in_camera[:, 2], _NEAREST_M)
+        u = np.rint(in_camera[:, 0] / depth * np.float32(camera.fx) + np.float32(camera.cx))
+        v = np.rint(in_camera[:, 1] / depth * np.float32(camera.fy) + np.float32(camera.cy))
+        in_view = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        in_view &= in_camera[:, 2] > _NEAREST_M
+        rows, columns, depth, in_camera = (
+            rows[in_view],
+            columns[in_view],
+            depth[in_view],
+            in_camera[in_view],
+        )
+        measured = frame.depth_m[v[in_view].astype(int), u[in_view].astype(int)]
+        # How far the measured point lies behind the plane: along the ray it is measured - depth,
+        # and the ray meets the plane at an angle.
+        normal = np.cross(along[0], along[1]) / cell**2
+        normal = (normal / np.linalg.norm(normal)).astype(np.float32)
+        behind = (measured - depth) * np.abs(in_camera @ normal) / depth
         known = measured > 0.0
-        # Perpendicular distance of the measured point behind the plane, as the sensor sees it:
-        # along the ray it is (measured - depth), and the ray meets the plane at an angle.
-        normal = T_sensor_grid.rotate(np.array([-a, -b, 1.0]) / np.sqrt(1.0 + a * a + b * b))
-        behind = np.zeros(len(points))
-        sides = np.abs(in_camera[known] @ normal) / np.maximum(depth[known], 1e-6)
-        behind[known] = (measured[known] - depth[known]) * sides
         through = known & (behind > tolerance_m)
-        hidden = known & (behind < -tolerance_m)
-        hit = np.zeros_like(self.hits, dtype=np.bool_)
+        hit = np.zeros(self.hits.shape, dtype=np.bool_)
         if seen is not None and len(seen):
             local = seen - self.corner
             hit[local[:, 1], local[:, 0]] = True
@@ -293,29 +311,51 @@ class MapPlane:
         through &= ~is_hit
         self.misses[rows[through], columns[through]] += 1
         if through.any():
-            self._region = None
+            self._solid = None
+        self._halve_old_counts()
+        solid = self.solid[rows, columns]
+        open_to_view = is_hit | (known & (behind >= -tolerance_m))
+        return Visibility(
+            seen=int(np.count_nonzero(is_hit & solid)),
+            seen_through=int(np.count_nonzero(through & solid)),
+            expected=int(np.count_nonzero(open_to_view & solid)),
+        )
+
+    def _halve_old_counts(self) -> None:
+        """Keeps the cells able to change their mind."""
         old = self.hits + self.misses > self.config.memory_frames
         if old.any():
             self.hits[old] = (self.hits[old] + 1) // 2
             self.misses[old] //= 2
-        solid = self.solid[rows, columns]
-        return Visibility(
-            seen=int(np.count_nonzero(is_hit & solid)),
-            seen_through=int(np.count_nonzero(through & solid)),
-            expected=int(np.count_nonzero((is_hit | (known & ~hidden)) & solid)),
-        )
 
     def region(self, index: int) -> PlanarRegion | None:
-        """The plane as a region in the map frame, None if no cell of it is left."""
-        if self._region is None:
+        """The plane as a region in the map frame, None if no cell of it is left.
+
+        It is made anew when the plane has changed by more than `stale_share` of its area or by
+        `stale_m`: tracing the contour of every plane in every frame would be most of the work.
+        """
+        if self._region is None or self._is_stale():
             self._region = self._make_region()
+            self._traced = (int(np.count_nonzero(self.solid)), self.n_frames, self.equation)
         if self._region is None or self._region.index == index:
             return self._region
-        r = self._region
-        self._region = PlanarRegion(
-            index, r.T_map_region, r.contour, r.n_points, r.rms_m, False, r.sensor_position
-        )
+        self._region = replace(self._region, index=index)
         return self._region
+
+    def _is_stale(self) -> bool:
+        if self._traced is None:
+            return True
+        n_cells, n_frames, equation = self._traced
+        if self.n_frames >= 2 * n_frames:
+            return True
+        grown = abs(int(np.count_nonzero(self.solid)) - n_cells)
+        shift = abs(float((self.equation - equation)[3]))
+        turn = float(np.abs((self.equation - equation)[:3]).max())
+        return (
+            grown > self.config.stale_share * n_cells
+            or shift > self.config.stale_m
+            or turn > self.config.stale_m
+        )
 
     def _make_region(self) -> PlanarRegion | None:
         solid = self._cleaned()
@@ -394,13 +434,13 @@ class MapPlane:
 
 def _outline(solid: NDArray[np.bool_], corner: tuple[int, int], cell_m: float) -> MultiPolygon:
     """The boundary of a set of cells, along the cells' edges."""
-    # Four pixels per cell: outlines run through pixel centres, an eighth of a cell inside the edge.
-    bold = np.pad(solid, 1).repeat(4, axis=0).repeat(4, axis=1).astype(np.uint8)
+    # Two pixels per cell: outlines run through pixel centres, a quarter of a cell inside the edge.
+    bold = np.pad(solid, 1).repeat(2, axis=0).repeat(2, axis=1).astype(np.uint8)
     rings, hierarchy = cv2.findContours(bold, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     if hierarchy is None:
         return MultiPolygon()
     scaled = [
-        ((ring[:, 0, :].astype(np.float64) + 0.5) / 4.0 - 1.0 + corner) * cell_m for ring in rings
+        ((ring[:, 0, :].astype(np.float64) + 0.5) / 2.0 - 1.0 + corner) * cell_m for ring in rings
     ]
     parts: list[Polygon] = []
     for ring, (_, _, _, parent) in enumerate(hierarchy[0]):

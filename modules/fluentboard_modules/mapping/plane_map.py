@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray, Transform
-from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FusionConfig
 from fluentboard_modules.mapping.normals import depth_tolerance_m
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_grid import MapPlane, Visibility
+
+_NEAREST_M = 0.3  # what is nearer to the sensor has no image
 
 
 class PlaneMap:
@@ -165,9 +167,10 @@ class PlaneMap:
     ) -> dict[int, Visibility]:
         views: dict[int, Visibility] = {}
         T_sensor_map = frame.T_map_sensor.inverse()
+        in_view = self._directory.in_view(frame.camera, T_sensor_map)
         for identifier, plane in self._planes.items():
             parts = cells_seen.get(identifier)
-            if parts is None and not self._in_view(frame, T_sensor_map, plane):
+            if parts is None and identifier not in in_view:
                 continue
             cells = np.concatenate(parts) if parts else None
             view = plane.look(frame, T_sensor_map, self._config.see_through_m, cells)
@@ -176,20 +179,6 @@ class PlaneMap:
             views[identifier] = view
             plane.judge(view)
         return views
-
-    def _in_view(self, frame: SensorFrame, T_sensor_map: Transform, plane: MapPlane) -> bool:
-        equation = plane.equation
-        if equation[:3] @ frame.T_map_sensor.translation <= equation[3]:
-            return False  # seen from behind, a thin surface shows its other side
-        corners = np.array(list(itertools.product(*plane.bounds.T)))
-        in_camera = T_sensor_map.apply(corners)
-        if (in_camera[:, 2] < 0.3).all():
-            return False
-        if (in_camera[:, 2] < 0.3).any():
-            return True  # partly behind the camera: the bound below would not hold
-        pixels = frame.camera.project(in_camera)
-        size = (frame.camera.width, frame.camera.height)
-        return bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) < size).all())
 
     def _forget(self) -> None:
         """Drops planes that are gone and planes that were noise."""
@@ -239,6 +228,28 @@ class _Directory:
             self._rows[moved] = row
             for array in (self._identifiers, self._equations, self._bounds):
                 array[row] = array[last]
+
+    def in_view(self, camera: Camera, T_sensor_map: Transform) -> set[int]:
+        """Planes whose front faces the sensor and whose boxes may show in its image."""
+        n = len(self._rows)
+        equations, bounds = self._equations[:n], self._bounds[:n]
+        position = T_sensor_map.inverse().translation
+        # Seen from behind, a thin surface shows its other side.
+        faces = equations[:, :3] @ position > equations[:, 3]
+        corners = np.stack(
+            [bounds[:, sides, [0, 1, 2]] for sides in itertools.product((0, 1), repeat=3)], axis=1
+        )
+        in_camera = T_sensor_map.apply(corners)
+        ahead = in_camera[..., 2] > _NEAREST_M
+        pixels = camera.project(
+            np.maximum(in_camera, (-np.inf, -np.inf, _NEAREST_M)).reshape(-1, 3)
+        )
+        pixels = pixels.reshape(n, 8, 2)
+        inside = (pixels.max(axis=1) >= 0).all(axis=1)
+        inside &= (pixels.min(axis=1) < (camera.width, camera.height)).all(axis=1)
+        # A box that reaches behind the camera has no bounds in the image.
+        possible = faces & ahead.any(axis=1) & (inside | ~ahead.all(axis=1))
+        return {int(identifier) for identifier in self._identifiers[:n][possible]}
 
     def near(
         self,

@@ -26,7 +26,9 @@ TABLE: list[Box] = [
 ]
 CHAIR: list[Box] = [
     ((-0.22, 1.7, 0.41), (0.22, 2.15, 0.45)),
-    ((-0.22, 2.15, 0.0), (0.22, 2.19, 0.9)),
+    ((-0.22, 2.15, 0.45), (0.22, 2.19, 0.9)),
+    ((-0.22, 2.15, 0.0), (-0.19, 2.19, 0.45)),
+    ((0.19, 2.15, 0.0), (0.22, 2.19, 0.45)),
 ]
 
 
@@ -101,7 +103,7 @@ def render() -> Render:
         depth = np.full((height, width), np.inf)
         for corners in [*ground, *boxes]:
             depth = np.minimum(depth, _hit(origin, rays, corners))
-        depth = np.where(np.isfinite(depth) & (depth < 8.0), depth, 0.0)
+        depth = np.where(np.isfinite(depth) & (depth < 5.0), depth, 0.0)
         if noise is not None:
             sigma = 0.0012 + 0.0019 * (depth - 0.4) ** 2
             depth = np.where(depth > 0.0, depth + sigma * noise.standard_normal(depth.shape), 0.0)
