@@ -148,6 +148,8 @@ def _draw_room(axes: Axes, view: View, findings: Sequence[Finding]) -> None:
     for finding, anchor, place in zip(
         shown, anchors, _label_places(shown, anchors, unit), strict=True
     ):
+        if not (0 <= anchor[0] < width and 0 <= anchor[1] < height):
+            continue  # its edges are in the picture, its middle is not
         colour = CLASS_COLOURS.get(finding.class_name, _OTHER_COLOUR)
         axes.plot([anchor[0], place[0]], [anchor[1], place[1]], color=colour, linewidth=1.0)
         axes.plot(*anchor, marker="o", markersize=3.0, color=colour)

@@ -39,6 +39,8 @@ CLASS_COLOURS: Mapping[str, Colour] = {
     "Shelf": "#7a56b0",
     "Chair": "#c2394d",
     "Stool": "#c2394d",
+    "On": "#b7791f",
+    "Holding": "#3b6ea8",
 }
 """Colour of a class in all pictures of the demo; classes that are not listed are grey."""
 
@@ -137,7 +139,7 @@ def draw_timeline(
     axes.spines["bottom"].set_color(_FAINT)
     if title:
         axes.set_title(title, loc="left", fontsize=11.5, color=_INK, pad=22, fontweight="bold")
-    _draw_legend(axes)
+    _draw_legend(axes, with_poses=any(row.poses for row in rows))
 
 
 def save_timeline(
@@ -174,7 +176,7 @@ def _draw_bar(
     right = min(f2, last + reach)
     if right <= left:
         return
-    times = np.linspace(left, right, _GRADIENT_STEPS)
+    times = left + (np.arange(_GRADIENT_STEPS) + 0.5) / _GRADIENT_STEPS * (right - left)
     held = _rise(times, first if math.isinf(s1) and not math.isinf(s2) else s1, s2)
     over = _rise(times, f1, last if math.isinf(f2) and not math.isinf(f1) else f2)
     strength = np.minimum(held, 1.0 - over)
@@ -267,7 +269,7 @@ def _draw_arrow(
     axes.fill([tip_s, tip_s, tip_s + length_s], [centre - half, centre + half, centre], **style)
 
 
-def _draw_legend(axes: Axes) -> None:
+def _draw_legend(axes: Axes, *, with_poses: bool) -> None:
     """Samples above the picture."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -284,8 +286,9 @@ def _draw_legend(axes: Axes) -> None:
             label="possibly holds: began or ended some time in there",
         ),
         Line2D([], [], color=ink, label="holds until further notice", **open_end),
-        Patch(facecolor=ink + "9e", label="thin: its poses"),
     ]
+    if with_poses:
+        samples.append(Patch(facecolor=ink + "9e", label="thin: its poses"))
     axes.legend(
         handles=samples,
         loc="lower left",
