@@ -23,6 +23,7 @@ from fluentboard.board.commands import (
     name_of,
 )
 from fluentboard.board.events import Commit
+from fluentboard.board.graphs import Graphs
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.board.journal import Durability, SqliteJournal
 from fluentboard.board.listing import Listing, Page
@@ -49,6 +50,10 @@ class Blackboard:
 
     Use `Blackboard.open`. A write returns when it is durable and visible to every reader.
 
+    Attributes:
+        clock: where transaction times and `now` come from.
+        graphs: what is said outside fluents, read and changed by statements.
+
     Example:
         >>> board = Blackboard.open(None)
         >>> commit = board.execute([AssertFluent(Fluent("mug1", "Mug"))], author="example")
@@ -65,6 +70,7 @@ class Blackboard:
         self._views = TimeViews(projections, self._projector, clock)
         self._listing = Listing(projections, self._projector)
         self._writer = Writer(projections, self._projector, clock)
+        self.graphs = Graphs(projections, self._projector, self._writer, self._rewritten)
 
     @classmethod
     def open(
@@ -209,6 +215,7 @@ class Blackboard:
 
         Raises:
             UnknownClass: the filter names a class that no ontology declares.
+            UnknownFluent: it relates to a fluent that was not asserted (by then).
         """
         return self._listing.page(wanted, after, limit)
 

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty
-from fluentboard.model.relations import Bounds, FloatArray, Relation, bounds_of, related, window
+from fluentboard.model.relations import (
+    Bounds,
+    FloatArray,
+    Relation,
+    bounds_of,
+    own_certainty,
+    related,
+    window,
+)
 
 IntArray = NDArray[np.int64]
 
@@ -34,7 +42,8 @@ class FluentFilter:
         property_value: has this value, as written in JSON (with `property_name`).
         is_open: nothing is known about the finish (True), or something is (False).
         as_of: as believed after this commit; by default the last.
-        relation: stands in this relation to an interval, given by what is known of its end points.
+        relation: stands in this relation to an interval, given by what is known of its end points,
+            or to the fluent of that name.
     """
 
     class_name: str | None = None
@@ -45,7 +54,7 @@ class FluentFilter:
     property_value: str | None = None
     is_open: bool | None = None
     as_of: int | None = None
-    relation: tuple[Relation, Bounds] | None = None
+    relation: tuple[Relation, Bounds | str] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +131,25 @@ class _Changes:
         """The bounds `(4,)` of one row, which was changed after a commit, as believed then."""
         first = self._after(as_of)
         return self._bounds[:, first + int(np.argmax(self._row[first : self.count] == row))]
+
+
+@dataclass(frozen=True, slots=True)
+class _Other:
+    """The other side of a relation, and where it is among the rows itself."""
+
+    bounds: Bounds | None
+    itself: int | None = None
+
+    def among(self, rows: IntArray) -> _Other:
+        """The same for some of the rows, given in increasing order."""
+        if self.itself is None:
+            return self
+        position = int(np.searchsorted(rows, self.itself))
+        is_there = position < rows.size and int(rows[position]) == self.itself
+        return _Other(self.bounds, position if is_there else None)
+
+
+_NOTHING = _Other(None)
 
 
 class IntervalIndex:
@@ -205,11 +233,29 @@ class IntervalIndex:
             ids = None
             if wanted.class_name is not None:
                 ids = np.array([is_wanted_class(name) for name in self._class_ids], dtype=np.bool_)
-            keep = _passing(wanted, bounds, classes, ids)
+            other = self._other(wanted, count)
+            keep = _passing(wanted, bounds, classes, ids, other)
             if wanted.as_of is not None:
                 later, bounds, classes = self._changes.replaced(wanted.as_of, count)
-                keep[later] = _passing(wanted, bounds, classes, ids)
+                keep[later] = _passing(wanted, bounds, classes, ids, other.among(later))
             return np.flatnonzero(keep)
+
+    def _other(self, wanted: FluentFilter, count: int) -> _Other:
+        """The other side of the wanted relation."""
+        if wanted.relation is None:
+            return _NOTHING
+        _, other = wanted.relation
+        if not isinstance(other, str):
+            return _Other(other)
+        row = self._row_of.get(other)
+        if row is None or row >= count:
+            return _NOTHING
+        as_of = wanted.as_of
+        if as_of is None or self._version[row] <= as_of:
+            s1, s2, f1, f2 = self._bounds[:, row].tolist()
+        else:
+            s1, s2, f1, f2 = self._changes.bounds(as_of, row).tolist()
+        return _Other((s1, s2, f1, f2), row)
 
     def bounds(self, row: int, as_of: int) -> Bounds | None:
         """What was believed of one row after a commit; None if it was not there yet."""
@@ -253,6 +299,7 @@ def _passing(
     bounds: FloatArray,
     classes: NDArray[np.int32],
     ids: NDArray[np.bool_] | None,
+    other: _Other,
 ) -> NDArray[np.bool_]:
     """Which rows pass the class and time parts of a filter."""
     s1, s2, f1, f2 = bounds
@@ -269,8 +316,14 @@ def _passing(
         else:
             keep[:] = False
     if wanted.relation is not None:
-        relation, other = wanted.relation
-        keep &= related(relation, bounds, other, wanted.certainty)
+        relation, _ = wanted.relation
+        if other.bounds is None:
+            keep[:] = False
+        else:
+            found = related(relation, bounds, other.bounds, wanted.certainty)
+            if other.itself is not None:
+                found[other.itself] = own_certainty(relation, other.bounds) >= wanted.certainty
+            keep &= found
     if wanted.is_open is not None:
         keep &= (f1 == np.inf) == wanted.is_open
     return keep

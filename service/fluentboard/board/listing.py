@@ -45,9 +45,12 @@ class Listing:
 
         Raises:
             UnknownClass: the filter names a class that no ontology declares.
+            UnknownFluent: it relates to a fluent that was not asserted (by then).
         """
         index, last = self._projections.index, self._projections.remembered
         as_of = last if wanted.as_of is None else min(wanted.as_of, last)
+        if wanted.relation is not None and isinstance(wanted.relation[1], str):
+            self._projections.fluent(wanted.relation[1], as_of)
         rows = index.rows(replace(wanted, as_of=as_of), self._class_test(wanted))
         rows = rows[np.searchsorted(rows, after) :]
         candidates = self._candidates(wanted, as_of)

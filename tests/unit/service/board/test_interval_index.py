@@ -68,6 +68,26 @@ def test_a_relation_to_an_interval_filters(index: IntervalIndex):
     assert names(index, FluentFilter(relation=(Relation.STARTS, bounds_of(MUG)))) == ["mug1"]
 
 
+def test_a_fluent_relates_to_itself_with_the_same_end_points(index: IntervalIndex):
+    equal = (Relation.EQUALS, "mug1")
+    assert names(index, FluentFilter(relation=equal, certainty=Certainty.CERTAIN)) == ["mug1"]
+    assert names(index, FluentFilter(relation=(Relation.MEETS, "mug1"))) == []
+
+
+def test_a_relation_to_a_fluent_is_to_what_was_believed_of_it(index: IntervalIndex):
+    after = (Relation.FINISHED_BY, "mug1")
+    wanted = FluentFilter(relation=after, certainty=Certainty.POSSIBLE)
+    assert names(index, wanted) == []
+    index.put([(Fluent("plate1", "Plate", Interval.at(1.5), Interval.at(5.5)), 4)])
+    assert names(index, FluentFilter(relation=(Relation.FINISHES, "mug1"))) == ["plate1"]
+    assert names(index, FluentFilter(relation=(Relation.FINISHES, "mug1"), as_of=3)) == []
+    assert names(index, FluentFilter(relation=(Relation.WITHIN, "mug1"), as_of=2)) == [
+        "mug1",
+        "plate1",
+    ]
+    assert names(index, FluentFilter(relation=(Relation.EQUALS, "nobody"))) == []
+
+
 def test_bounds_are_those_of_the_commit(index: IntervalIndex):
     assert index.bounds(0, 3) == (1.0, 2.0, 5.0, 6.0)
     assert index.bounds(0, 2) == (1.0, 2.0, math.inf, math.inf)
