@@ -14,10 +14,11 @@ import httpx
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Interval
 from fluentboard_client import exchange
-from fluentboard_client.client import DEFAULT_BOARD, file_pieces
+from fluentboard_client.client import DEFAULT_BOARD
 from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
+from fluentboard_client.streams import counted_async, file_pieces
 
 if TYPE_CHECKING:
     from fluentboard_client.conversation import Mode
@@ -113,7 +114,7 @@ class AsyncClient:
         try:
             reply = await self._http.post(
                 "/import",
-                content=_counted(pieces, progress),
+                content=counted_async(pieces, progress),
                 headers={"Content-Type": exchange.MEDIA_TYPES[format]},
                 timeout=httpx.Timeout(self._timeout_s, read=None),
             )
@@ -164,36 +165,75 @@ class AsyncClient:
             if cursor is None:
                 return
 
-    async def query(self, sparql: str) -> list[Row] | bool | str:
+    async def query(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> list[Row] | bool | str:
         """See `Client.query`."""
-        return exchange.result_of(await self._send(exchange.sparql(sparql)))
+        return exchange.result_of(
+            await self._send(exchange.sparql(sparql, at=at, certainly=certainly, as_of=as_of))
+        )
 
-    async def select(self, sparql: str) -> list[Row]:
+    async def select(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> list[Row]:
         """See `Client.select`."""
-        result = await self.query(sparql)
+        result = await self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, list):
             raise exchange.wrong_form("SELECT")
         return result
 
-    async def ask(self, sparql: str) -> bool:
+    async def ask(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> bool:
         """See `Client.ask`."""
-        result = await self.query(sparql)
+        result = await self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, bool):
             raise exchange.wrong_form("ASK")
         return result
 
-    async def construct(self, sparql: str) -> str:
+    async def construct(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> str:
         """See `Client.construct`."""
-        result = await self.query(sparql)
+        result = await self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, str):
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
     async def query_document(
-        self, sparql: str, media_types: str, *, at: Time | None = None
+        self,
+        sparql: str,
+        media_types: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
     ) -> bytes:
         """See `Client.query_document`."""
-        return (await self._send(exchange.sparql(sparql, media_types))).content
+        request = exchange.sparql(
+            sparql, at=at, certainly=certainly, as_of=as_of, media_types=media_types
+        )
+        return (await self._send(request)).content
 
     async def export(
         self, format: ExportFormat = "yaml", *, at: Time | None = None
@@ -280,12 +320,3 @@ class AsyncClient:
                 yield reply
         except httpx.TransportError as failure:
             raise exchange.unreachable(self.board, failure, 1) from failure
-
-
-async def _counted(
-    pieces: Iterable[bytes], progress: Callable[[int], None] | None
-) -> AsyncIterator[bytes]:
-    for piece in pieces:
-        yield piece
-        if progress is not None:
-            progress(len(piece))

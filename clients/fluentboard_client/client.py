@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 import httpx
 
-from fluentboard.errors import InvalidInput
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Interval
 from fluentboard_client import exchange
 from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
+from fluentboard_client.streams import counted, file_pieces
 
 if TYPE_CHECKING:
     from fluentboard_client.conversation import Mode
     from fluentboard_client.live import Subscription
 
 DEFAULT_BOARD = "http://127.0.0.1:8080"
-_BLOCK_BYTES = 64 * 1024
 
 
 class Client:
@@ -160,7 +159,7 @@ class Client:
         try:
             reply = self._http.post(
                 "/import",
-                content=_counted(pieces, progress),
+                content=counted(pieces, progress),
                 headers={"Content-Type": exchange.MEDIA_TYPES[format]},
                 timeout=httpx.Timeout(self._timeout_s, read=None),  # takes as long as it takes
             )
@@ -230,52 +229,102 @@ class Client:
             if cursor is None:
                 return
 
-    def query(self, sparql: str) -> list[Row] | bool | str:
+    def query(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> list[Row] | bool | str:
         """The result of a SPARQL query: rows of a SELECT, truth of an ASK, N-Triples of the rest.
 
-        It sees the whole history: fluents that have ended are still there.
+        Unless narrowed it sees the whole history: fluents that have ended are still there.
 
         Args:
             sparql: the query; the usual prefixes (rdf, rdfs, owl, xsd, upper, race, furniture, fb,
                 fluent) need no declaration.
+            at: see only what possibly holds at that time, in seconds or `"now"`.
+            certainly: with `at`: only what certainly holds then.
+            as_of: see what was believed after that commit.
 
         Raises:
             InvalidQuery, QueryTimeout: as their classes say.
         """
-        return exchange.result_of(self._send(exchange.sparql(sparql)))
+        return exchange.result_of(
+            self._send(exchange.sparql(sparql, at=at, certainly=certainly, as_of=as_of))
+        )
 
-    def select(self, sparql: str) -> list[Row]:
+    def select(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> list[Row]:
         """The rows of a SELECT; see `query`."""
-        result = self.query(sparql)
+        result = self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, list):
             raise exchange.wrong_form("SELECT")
         return result
 
-    def ask(self, sparql: str) -> bool:
+    def ask(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> bool:
         """The truth of an ASK; see `query`."""
-        result = self.query(sparql)
+        result = self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, bool):
             raise exchange.wrong_form("ASK")
         return result
 
-    def construct(self, sparql: str) -> str:
+    def construct(
+        self,
+        sparql: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> str:
         """The N-Triples text of a CONSTRUCT or DESCRIBE; see `query`."""
-        result = self.query(sparql)
+        result = self.query(sparql, at=at, certainly=certainly, as_of=as_of)
         if not isinstance(result, str):
             raise exchange.wrong_form("CONSTRUCT or DESCRIBE")
         return result
 
-    def query_document(self, sparql: str, media_types: str) -> bytes:
+    def query_document(
+        self,
+        sparql: str,
+        media_types: str,
+        *,
+        at: Time | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+    ) -> bytes:
         """The result of a SPARQL query as the board writes it.
 
         Args:
             sparql: the query.
             media_types: an Accept header, such as `text/csv`.
+            at: as in `query`.
+            certainly: as in `query`.
+            as_of: as in `query`.
 
         Raises:
             NotAcceptable: the result cannot be written in any of these types.
         """
-        return (self._send(exchange.sparql(sparql, media_types))).content
+        return (
+            self._send(
+                exchange.sparql(
+                    sparql, at=at, certainly=certainly, as_of=as_of, media_types=media_types
+                )
+            )
+        ).content
 
     def export(self, format: ExportFormat = "yaml", *, at: Time | None = None) -> Iterator[bytes]:
         """Everything on the board, or what holds at a time, in pieces as they arrive."""
@@ -372,24 +421,3 @@ class Client:
                 yield reply
         except httpx.TransportError as failure:
             raise exchange.unreachable(self.board, failure, 1) from failure
-
-
-def file_pieces(path: Path) -> Iterator[bytes]:
-    """The contents of a file, 64 KiB at a time.
-
-    Raises:
-        InvalidInput: it cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            while block := file.read(_BLOCK_BYTES):
-                yield block
-    except OSError as failure:
-        raise InvalidInput(f"{path}: cannot be read ({failure.strerror or failure})") from failure
-
-
-def _counted(pieces: Iterable[bytes], progress: Callable[[int], None] | None) -> Iterator[bytes]:
-    for piece in pieces:
-        yield piece
-        if progress is not None:
-            progress(len(piece))

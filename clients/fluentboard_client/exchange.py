@@ -233,13 +233,23 @@ def listing(
     return Request("GET", "/fluents", params=params, headers={"Accept": "application/json"})
 
 
-def sparql(query: str, media_types: str = _ANY_RESULT) -> Request:
-    """A SPARQL query of any form."""
+def sparql(
+    query: str,
+    *,
+    at: Time | None = None,
+    certainly: bool = False,
+    as_of: int | None = None,
+    media_types: str = _ANY_RESULT,
+) -> Request:
+    """A SPARQL query of any form, over all of history or over a part of it."""
     # As a form in the body, because a query may be longer than an address can be.
     return Request(
         "POST",
         "/sparql",
-        form={"query": query},
+        form={
+            "query": query,
+            **_params(at=at, certainly="true" if certainly else None, asof=as_of),
+        },
         headers={"Accept": media_types},
     )
 

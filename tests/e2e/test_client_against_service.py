@@ -141,6 +141,16 @@ def test_every_query_form_gives_its_kind_of_answer(board: Client) -> None:
     assert "asked>" in triples
 
 
+def test_query_may_look_at_one_time_only(board: Client) -> None:
+    query = "ASK { fluent:grasped a race:Mug }"
+    board.assert_fluents(a_mug("grasped"))
+    before = board.fluent("grasped").version - 1
+    board.end("grasped", Interval(20.0, 30.0))
+    assert [board.ask(query, at=time_s) for time_s in (10.0, 25.0, 35.0)] == [True, True, False]
+    assert not board.ask(query, at=25.0, certainly=True)
+    assert not board.ask(query, as_of=before)
+
+
 def test_export_can_be_imported(board: Client) -> None:
     board.assert_fluents(a_mug("exported"))
     exported = b"".join(board.export("yaml"))

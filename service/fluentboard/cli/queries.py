@@ -12,10 +12,12 @@ import typer
 
 from fluentboard.cli.options import (
     DEFAULT_BOARD,
+    At,
     Board,
     Sparql,
     Token,
     connect,
+    parsed_time,
     query_text,
 )
 
@@ -38,7 +40,7 @@ def register(app: typer.Typer) -> None:
         name="query",
         epilog="Examples:\n\n"
         "fluentboard query 'SELECT ?table WHERE { ?table a furniture:Table }'\n\n"
-        "fluentboard query 'ASK { fluent:mug1 a race:Mug }'\n\n"
+        "fluentboard query 'ASK { ?h a race:Holding }' --at now --certainly\n\n"
         "fluentboard query - --format csv < areas.rq > areas.csv",
     )(query)
     app.command(
@@ -56,20 +58,30 @@ def query(
         TableFormat,
         typer.Option(help="A table for people, or SPARQL 1.1 results as JSON or CSV."),
     ] = "table",
+    at: At = None,
+    certainly: Annotated[
+        bool, typer.Option("--certainly", help="With --at: only what certainly holds then.")
+    ] = False,
+    as_of: Annotated[
+        int | None, typer.Option(metavar="COMMIT", help="What was believed after that commit.")
+    ] = None,
     token: Token = None,
 ) -> None:
     """Ask the board a SPARQL query (SELECT, ASK, CONSTRUCT or DESCRIBE).
 
     The prefixes rdf, rdfs, owl, xsd, upper, race, furniture, fb and fluent need no declaration.
     """
+    time = parsed_time(at)
     with connect(board, token) as client:
         text = query_text(sparql)
         if format != "table":
-            document = client.query_document(text, _MEDIA_TYPES[format])
+            document = client.query_document(
+                text, _MEDIA_TYPES[format], at=time, certainly=certainly, as_of=as_of
+            )
             sys.stdout.buffer.write(document.rstrip() + b"\n")
             sys.stdout.buffer.flush()
             return
-        result = client.query(text)
+        result = client.query(text, at=time, certainly=certainly, as_of=as_of)
     if isinstance(result, bool):
         typer.echo("yes" if result else "no")
     elif isinstance(result, str):
