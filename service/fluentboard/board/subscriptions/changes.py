@@ -66,6 +66,8 @@ class EventChange:
     @cached_property
     def after(self) -> list[Statement]:
         """All that the board says of the fluent after the event."""
+        if self.event.before is None:
+            return self.added
         return [statement_of(line) for line in fluent_lines(self.event.after, self.vocabulary)]
 
     @cached_property

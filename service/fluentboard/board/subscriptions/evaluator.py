@@ -62,6 +62,8 @@ class Evaluator:
         self._schema = Schema(board.vocabulary)
         self.routed = 0
         self._ontology_routed = 0
+        # Queries without subscribers, and until when they linger; the first to leave comes first.
+        self._idle: dict[StandingQuery, float] = {}
         self._spoken_of: set[str] = set()
         for change in outside:
             self._note_outside(change)
@@ -74,9 +76,13 @@ class Evaluator:
         """Some standing query is to be evaluated again."""
         return bool(self._stale)
 
+    def begin_after(self, commit: int) -> None:
+        """Has routing begin after a commit; there are no queries yet."""
+        self.routed = max(self.routed, commit)
+
     def route(self, commit: Commit) -> None:
         """Takes note of a commit: incremental queries change now, others become stale."""
-        if commit.number <= self.routed:
+        if commit.number <= self.routed and not commit.statements:
             return
         if any(change.ontology for change in commit.statements):
             self._schema = Schema(self._board.vocabulary)
@@ -94,9 +100,9 @@ class Evaluator:
                 standing.pending.append(change)
             else:
                 self._step(standing, change, concerned.candidates.get(standing, []))
-        self.routed = commit.number
+        self.routed = max(self.routed, commit.number)
         if commit.statements:
-            self._ontology_routed = commit.number
+            self._ontology_routed = self.routed
 
     def _note_outside(self, change: StatementsChanged) -> None:
         """Notes fluents that an ontology or a graph update says something of, too.
@@ -122,9 +128,6 @@ class Evaluator:
         since = request.since
         standing = self._router.find(query.text)
         if standing is None:
-            if not len(self._router):
-                # Nothing was routed while there was no query.
-                self._schema = Schema(self._board.vocabulary)
             chosen = self._plan(query)
             standing = StandingQuery(query, chosen, self._schema, self._settings)
             if not self._start(standing, subscription):
@@ -136,7 +139,7 @@ class Evaluator:
         if request.mode != "bindings" and not standing.tells_events:
             names = standing.tell_events(standing.exact_at(self.routed))
             self._router.update_names(standing, Names(names, set()))
-        standing.idle_since_s = None
+        self._idle.pop(standing, None)
         standing.subscribers[subscription] = None
         if since is None:
             self._snapshot(standing, subscription)
@@ -162,7 +165,7 @@ class Evaluator:
         if standing is not None and subscription in standing.subscribers:
             del standing.subscribers[subscription]
             if not standing.subscribers:
-                standing.idle_since_s = now_s
+                self._idle[standing] = now_s + self._settings.linger_s
 
     def retire(self, now_s: float) -> float | None:
         """Forgets queries that have been without subscribers for too long.
@@ -170,24 +173,19 @@ class Evaluator:
         Returns:
             When the next one is due, on the monotonic clock; None if none is idle.
         """
-        due: float | None = None
-        for standing in self._router:
-            if standing.idle_since_s is None:
-                continue
-            end_s = standing.idle_since_s + self._settings.linger_s
-            if end_s <= now_s:
-                self._forget(standing)
-            else:
-                due = end_s if due is None else min(due, end_s)
-        return due
+        # They all linger for equally long, so the first is due first.
+        for standing, end_s in list(self._idle.items()):
+            if end_s > now_s:
+                return end_s
+            self._forget(standing)
+        return None
 
     def _start(self, standing: StandingQuery, subscription: Subscription) -> bool:
         # Routed to from now on, and stale: no commit after the evaluation can be overlooked.
-        is_only = not len(self._router)
         self._router.add(standing)
         self._stale[standing] = None
         try:
-            commit, chosen, solutions = self._evaluate(standing, is_only=is_only)
+            commit, chosen, solutions = self._evaluate(standing)
         except FluentboardError as problem:
             self._forget(standing)
             subscription.put(Failed(problem))
@@ -242,15 +240,12 @@ class Evaluator:
             return True
         return False
 
-    def _evaluate(self, standing: StandingQuery, *, is_only: bool = False) -> tuple[int, Plan, Bag]:
+    def _evaluate(self, standing: StandingQuery) -> tuple[int, Plan, Bag]:
         """A full evaluation and its commit, with all commits up to that one routed."""
         while True:
             routed, schema = self.routed, self._schema
             chosen = standing.plan if standing.schema is schema else self._plan(standing.query)
             commit, solutions = self._ask(standing, chosen.view.text)
-            if is_only:
-                # No query needs the commits before.
-                self.routed = max(self.routed, commit)
             if not self._arrive(commit):
                 raise FluentboardError(
                     f"the board does not tell of commit {commit} though queries see it; look for "
@@ -345,3 +340,4 @@ class Evaluator:
         self._router.remove(standing)
         self._router.update_names(standing, Names(set(), set(standing.names)))
         self._stale.pop(standing, None)
+        self._idle.pop(standing, None)

@@ -26,8 +26,8 @@ def plan(query: ParsedQuery, schema: Schema, first_tier: int = 1) -> Plan:
     """
     if first_tier == Reevaluation.tier:
         return Reevaluation(query, "the settings ask for full re-evaluation")
-    if query.tree is None:
-        return Reevaluation(query, query.footprint.why_everything)
+    if query.why_opaque:
+        return Reevaluation(query, query.why_opaque)
     select = _pattern_of(query, schema)
     if first_tier <= Star.tier:
         with contextlib.suppress(NotASum):
@@ -54,5 +54,4 @@ def explanation(query: ParsedQuery, chosen: Plan) -> str:
 
 def _pattern_of(query: ParsedQuery, schema: Schema) -> Select:
     """The query's pattern over the materialised class hierarchy."""
-    rewritten = schema.rewritten(query.text)
-    return select_of(query.tree if rewritten == query.text else tree_of(rewritten))
+    return select_of(tree_of(schema.rewritten(query.text)))

@@ -1,4 +1,4 @@
-"""A standing query as read at registration: form, variables, syntax tree, footprint (pure)."""
+"""A standing query as read at registration: form, variables, footprint (pure)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ParsedQuery:
         text: the SPARQL text.
         form: which of the three forms it has.
         variables: names of the result's columns; for CONSTRUCT subject, predicate and object.
-        tree: rdflib's syntax tree, or None where rdflib does not understand the query.
+        why_opaque: why its syntax tree is not to be had or not to be trusted, or "" if it is.
         footprint: which statements the answer depends on.
         makes_blank_nodes: each evaluation labels some blank nodes of the result anew.
         is_timeless: the answer follows from the statements alone; false with `NOW()`.
@@ -39,13 +39,13 @@ class ParsedQuery:
     text: str
     form: Form
     variables: tuple[str, ...]
-    tree: Any
+    why_opaque: str
     footprint: Footprint
     makes_blank_nodes: bool
     is_timeless: bool
 
 
-@lru_cache(maxsize=2_048)
+@lru_cache(maxsize=1_024)
 def parse(text: str) -> ParsedQuery:
     """Reads a standing query.
 
@@ -76,7 +76,7 @@ def parse(text: str) -> ParsedQuery:
         text,
         form,
         variables,
-        tree,
+        why,
         footprint,
         makes_blank_nodes="BNODE" in used
         or (form == "construct" and (tree is None or template_makes_blank_nodes(tree))),

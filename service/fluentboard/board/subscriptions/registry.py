@@ -67,6 +67,9 @@ class SubscriptionRegistry:
         self._busy = False
         self._closed = False
         self._stop_listening = board.listen(self._on_commits)
+        # Commits up to this one may not be told of any more, all later ones will be.
+        applied, _ = board.snapshot_query("ASK {}")
+        self._delivered = max(self._delivered, applied)
         self._thread = threading.Thread(
             target=self._run, name="fluentboard-subscriptions", daemon=True
         )
@@ -111,6 +114,8 @@ class SubscriptionRegistry:
             if not self._is_listening:
                 # From here on commits are kept, so none after the first evaluation is missed.
                 self._is_listening = True
+                floor = self._delivered
+                self._tasks.append(lambda: self._evaluator.begin_after(floor))
             self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
             self._state.notify_all()
         return subscription

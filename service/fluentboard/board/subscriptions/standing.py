@@ -83,7 +83,6 @@ class StandingQuery:
             `pending`.
         pending: commits that may have changed the result since, not evaluated yet.
         subscribers: who is told, in the order they came.
-        idle_since_s: when the last subscriber left, on the monotonic clock.
     """
 
     def __init__(
@@ -95,7 +94,6 @@ class StandingQuery:
         self.bag: Bag = {}
         self.pending: list[CommitChange] = []
         self.subscribers: dict[Subscription, None] = {}
-        self.idle_since_s: float | None = None
         self._settings = settings
         self._answer: Answer | None = None
         self._ring: deque[Change] = deque()

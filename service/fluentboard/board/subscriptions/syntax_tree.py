@@ -16,11 +16,11 @@ from rdflib.plugins.sparql.parser import parseQuery
 from fluentboard_ontology import PREFIXES
 
 
-@lru_cache(maxsize=2_048)
+@lru_cache(maxsize=64)
 def tree_of(text: str) -> Any:
     """The syntax tree with prefixed names resolved and property paths as rdflib path objects.
 
-    Reading takes milliseconds, and the same texts come again: nobody changes the tree.
+    Reading takes milliseconds, and a text is read a few times in a row: nobody changes the tree.
 
     Raises:
         Exception: of many types, if rdflib does not read the query.
