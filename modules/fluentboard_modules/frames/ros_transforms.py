@@ -165,6 +165,9 @@ def _at(edge: _Edge, child: str, stamp_s: float) -> Transform:
         return edge.transforms[-1]
     gap_s = stamps_s[after] - stamps_s[after - 1]
     if gap_s > _LONGEST_GAP_S:
+        nearest = min(after - 1, after, key=lambda place: abs(stamps_s[place] - stamp_s))
+        if abs(stamps_s[nearest] - stamp_s) <= _END_TOLERANCE_S:
+            return edge.transforms[nearest]
         raise InvalidFrame(
             f"the transform {edge.parent!r} -> {child!r} has a gap of {gap_s:.1f} s around "
             f"{stamp_s:.3f} s"

@@ -215,12 +215,3 @@ def test_writer_leaves_a_folder_with_something_in_it_alone(made: Any, tmp_path: 
         write_tum(made, tmp_path)
     with pytest.raises(InvalidInput, match="is not empty"):
         write_redwood(made, tmp_path)
-
-
-def test_real_kitchen_has_its_gravity_and_metric_scale(shared_data: Path) -> None:
-    kitchen = open_folder(shared_data / "redkitchen")
-    assert len(kitchen) == 200
-    assert kitchen.gravity_world is not None
-    frame = kitchen.read(0)
-    nearest = frame.depth_m[frame.valid].min()
-    assert 0.7 < nearest < 1.5  # the Kinect's nearest is 0.8 m
