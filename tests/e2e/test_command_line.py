@@ -1,0 +1,101 @@
+"""The commands import, export, query and watch against a real service."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fluentboard.model.fluent import Fluent
+from fluentboard_client import Client
+from fluentboard_modules.demo.service_process import ServiceProcess
+
+LISTING = Path(__file__).resolve().parents[1] / "golden" / "listing_2_2.yaml"
+HELD = "SELECT ?h ?mug WHERE { ?h a race:Holding ; upper:hasPassiveObject ?mug }"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceProcess]:
+    with ServiceProcess(tmp_path_factory.mktemp("board")) as running:
+        imported = command(running, "import", str(LISTING))
+        assert imported.returncode == 0, imported.stderr
+        yield running
+
+
+def command(
+    service: ServiceProcess, *arguments: str, given: str = ""
+) -> subprocess.CompletedProcess[str]:
+    whole = [sys.executable, "-m", "fluentboard", *arguments, "--board", service.address]
+    return subprocess.run(whole, input=given, capture_output=True, text=True, check=False)
+
+
+def test_listing_is_imported_and_shown_as_a_table(service: ServiceProcess) -> None:
+    shown = command(service, "query", HELD).stdout.split()
+    assert shown[:2] == ["h", "mug"]
+    assert shown[-4:] == ["holding0", "mug1", "1", "row"]
+
+
+def test_query_gives_json_and_csv(service: ServiceProcess) -> None:
+    document = json.loads(command(service, "query", "-", "--format", "json", given=HELD).stdout)
+    (binding,) = document["results"]["bindings"]
+    assert binding["mug"]["value"].endswith("/mug1")
+    (row,) = csv.DictReader(command(service, "query", HELD, "--format", "csv").stdout.splitlines())
+    assert row["h"].endswith("/holding0")
+
+
+def test_query_may_ask_about_one_time(service: ServiceProcess) -> None:
+    ask = "ASK { ?h a race:Holding }"
+    assert command(service, "query", ask, "--at", "100").stdout == "no\n"
+    assert command(service, "query", ask, "--at", "140").stdout == "yes\n"
+    assert command(service, "query", ask, "--at", "140", "--certainly").stdout == "no\n"
+
+
+def test_export_gives_back_what_was_imported(service: ServiceProcess, tmp_path: Path) -> None:
+    file = tmp_path / "board.yaml"
+    assert command(service, "export", "--output", str(file)).returncode == 0
+    text = file.read_text(encoding="utf-8")
+    assert "Class_Instance: [Holding, holding0]" in text
+    assert "StartTime: [119.621, 161.817]" in text
+    assert list(tmp_path.iterdir()) == [file]  # and nothing half-written beside it
+    lines = command(service, "export", "--format", "jsonl").stdout.splitlines()
+    assert {json.loads(line)["name"] for line in lines} >= {"holding0", "on4"}
+
+
+def test_wrong_file_is_refused_with_file_line_and_value(
+    service: ServiceProcess, tmp_path: Path
+) -> None:
+    file = tmp_path / "wrong.yaml"
+    file.write_text("!Fluent\nClass_Instance: [Mug, mug9]\nStartTime: [7.0, 3.0]\n")
+    shown = command(service, "import", str(file))
+    assert shown.returncode == 1
+    assert shown.stderr.startswith(("interval-reversed: ", "invalid-yaml: "))
+    assert shown.stderr.count("\n") == 1
+    assert "mug9" not in command(service, "export").stdout
+
+
+def test_watch_prints_changes_until_it_is_told_to_stop(service: ServiceProcess) -> None:
+    watching = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "fluentboard", "watch", "--board", service.address),
+            "SELECT ?fork WHERE { ?fork a race:Fork }",
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with watching:
+        try:
+            assert watching.stdout is not None
+            assert watching.stdout.readline().endswith(": no rows\n")
+            with Client(service.address) as board:
+                commit = board.assert_fluents(Fluent("fork1", "Fork")).commit
+            assert watching.stdout.readline() == f"commit {commit}: + fork=fork1\n"
+            watching.send_signal(signal.SIGTERM)
+            assert watching.wait(timeout=20.0) == 0
+        finally:
+            watching.kill()
