@@ -119,7 +119,7 @@ class FluentRoutes:
     async def read_fluent(self, call: Call) -> Reply:
         """`GET /fluents/{name}`."""
         offer = negotiated(call.header(b"accept"), _FLUENT_OFFERS)
-        as_of = self._as_of(call.parameters()) if call.query_string else None
+        as_of = parameters.as_of(call.parameters(), self._board) if call.query_string else None
         fluent = self._board.fluent(call.arguments["name"], as_of)
         headers = [etag(fluent.version), _VARY]
         if b"if-none-match" in call.headers and has_version(call, fluent.version):
@@ -221,14 +221,9 @@ class FluentRoutes:
             property_name=property_name,
             property_value=property_value,
             is_open=parameters.flag(values, "open"),
-            as_of=self._as_of(values),
+            as_of=parameters.as_of(values, self._board),
+            relation=parameters.relation(values),
         )
-
-    def _as_of(self, values: parameters.Values) -> int | None:
-        as_of = parameters.optional_number(values, "asof")
-        if as_of is not None:
-            parameters.check_commit(as_of, self._board.commit)
-        return as_of
 
 
 def _page(page: Page, form: str) -> bytes:

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from fluentboard.api import schemas
 from fluentboard.api.exchange import Handler
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.parameters import RELATIONS
 from fluentboard.errors import (
     FluentExists,
     IdempotencyConflict,
@@ -71,7 +72,12 @@ _IF_MATCH = Parameter(
     example='"7"',
     place="header",
 )
-_AS_OF = Parameter("asof", "As the board believed after this commit, instead of now.", _NUMBER, 17)
+_AS_OF = Parameter(
+    "asof",
+    "As the board believed after this commit, or at a time: 2026-05-01T12:00:00Z, or seconds with "
+    "a decimal point.",
+    example="17",
+)
 _COMMIT = {"X-Commit": "Number of the commit."}
 _VERSION = {"ETag": "Version of the fluent, for If-Match."}
 
@@ -195,7 +201,14 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                     },
                 )
             },
-            errors=(InvalidInput, InvalidTime, UnknownClass, NotAcceptable),
+            errors=(
+                InvalidInput,
+                InvalidTime,
+                IntervalReversed,
+                UnknownClass,
+                UnknownFluent,
+                NotAcceptable,
+            ),
         ),
         Operation(
             "GET",
@@ -314,6 +327,13 @@ def _filters() -> tuple[Parameter, ...]:
             "at", "Holds at this time in seconds; `now` is the board's present.", _TEXT, "now"
         ),
         Parameter("during", "Holds at some moment of the window [from, to).", _TEXT, "100.0,160.5"),
+        Parameter(
+            "relation",
+            "Stands in this relation to what `to` names.",
+            {"type": "string", "enum": list(RELATIONS)},
+            "during",
+        ),
+        Parameter("to", "A fluent's name, a time, or a window from,to.", _TEXT, "100.0,160.5"),
         Parameter("certainly", "Only what surely holds then.", _FLAG, True),
         Parameter("possibly", "Also what may hold then; the default.", _FLAG, True),
         Parameter("property", "Has a value of this property.", _TEXT, "hasPassiveObject"),

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import datetime
 from typing import Literal
 
+from fluentboard.board.blackboard import Blackboard
 from fluentboard.clock import Clock
 from fluentboard.errors import InvalidInput, InvalidTime
 from fluentboard.model.interval import Certainty
+from fluentboard.model.relations import Bounds, Relation, window
 
 Values = Mapping[str, Sequence[str]]
+
+RELATIONS = tuple(relation.value for relation in Relation)
+"""Names of the relations of intervals."""
 
 _TRUE = frozenset({"", "true", "1", "yes"})
 _FALSE = frozenset({"false", "0", "no"})
@@ -109,14 +116,66 @@ def certainty(values: Values) -> Certainty:
     return Certainty.CERTAIN if certainly else Certainty.POSSIBLE
 
 
-def check_commit(asked: int, last: int) -> None:
-    """Refuses a commit that has not been made.
+def as_of(values: Values, board: Blackboard, name: str = "asof") -> int | None:
+    """The commit that a belief is asked of, or None if the parameter is not there.
+
+    A whole number is the commit itself. A date and time with a zone, or seconds with a decimal
+    point on the axis of the board's clock, stand for the last commit that was made by then.
 
     Raises:
-        InvalidInput: it is later than the last.
+        InvalidInput: it is none of these, or a commit that has not been made.
     """
+    value = text(values, name)
+    if value is None:
+        return None
+    if not value.isdigit():
+        return board.commit_at(_wall_s(value, name))
+    asked, last = number(values, name), board.commit
     if asked > last:
         raise InvalidInput(f"commit {asked} has not been made yet; the last is {last}", commit=last)
+    return asked
+
+
+def _wall_s(value: str, name: str) -> float:
+    try:
+        # The sign of a zone is a space in an address that was not encoded.
+        moment = datetime.fromisoformat(value.replace(" ", "+") if "T" in value else value)
+        if moment.tzinfo is not None:
+            return moment.timestamp()
+    except ValueError:
+        with suppress(ValueError):
+            if math.isfinite(wall_s := float(value)) and "." in value:
+                return wall_s
+    raise InvalidInput(
+        f"the parameter {name} is {value!r}; give the number of a commit, a time such as "
+        "2026-05-01T12:00:00Z, or seconds such as 1777636800.0"
+    )
+
+
+def relation(values: Values) -> tuple[Relation, Bounds | str] | None:
+    """The relation that is asked for by `relation` and `to`, or None.
+
+    `to` is the name of a fluent, an instant in seconds, or a window `from,to`. What reads as a
+    number is a time, even if a fluent has that name.
+
+    Raises:
+        InvalidInput: one of the two is missing, or there is no such relation.
+        InvalidTime, IntervalReversed: the window is none.
+    """
+    name, other = text(values, "relation"), text(values, "to")
+    if name is None and other is None:
+        return None
+    if name is None or other is None:
+        raise InvalidInput("relation and to are given together: the relation, and what to")
+    if name not in RELATIONS:
+        raise InvalidInput(f"the relation is {name!r}; give one of {', '.join(RELATIONS)}")
+    ends = other.split(",")
+    if len(ends) == 2:
+        return Relation(name), window(seconds(ends[0], "to"), seconds(ends[1], "to"))
+    with suppress(InvalidTime):
+        instant_s = seconds(other, "to")
+        return Relation(name), window(instant_s, instant_s)
+    return Relation(name), other
 
 
 def window_s(values: Values, name: str) -> tuple[float, float] | None:

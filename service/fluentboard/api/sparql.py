@@ -80,7 +80,7 @@ class SparqlRoutes:
             raise _read_only()
         if "query" not in values:
             return _description(call)
-        return await self._answer(_question(values, call.header(b"accept")))
+        return await self._answer(self._question(values, call.header(b"accept")))
 
     async def post(self, call: Call) -> Reply | StreamedReply:
         """`POST /sparql`: a query as a form, or as the body itself."""
@@ -102,11 +102,26 @@ class SparqlRoutes:
             )
         if "update" in values:
             raise _read_only()
-        return await self._answer(_question(values, call.header(b"accept")))
+        return await self._answer(self._question(values, call.header(b"accept")))
+
+    def _question(self, values: parameters.Values, accept: str | None) -> Question:
+        queries = values.get("query", ())
+        if len(queries) != 1:
+            raise InvalidQuery(
+                f"the request has {len(queries)} queries; send one, as the parameter `query` or as "
+                "the body"
+            )
+        return Question(
+            queries[0],
+            accept,
+            tuple(values.get("default-graph-uri", ())),
+            tuple(values.get("named-graph-uri", ())),
+            parameters.time_or_now(values, "at"),
+            parameters.as_of(values, self._board),
+            parameters.certainty(values),
+        )
 
     async def _answer(self, question: Question) -> Reply | StreamedReply:
-        if question.as_of is not None:
-            parameters.check_commit(question.as_of, self._board.commit)
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:
@@ -216,29 +231,11 @@ _TIMES = (
     Parameter("possibly", "With `at`: also what may hold; the default.", {"type": "boolean"}, True),
     Parameter(
         "asof",
-        "See what was believed after this commit.",
-        {"type": "integer", "minimum": 0},
-        17,
+        "See what was believed after this commit, or at a time: 2026-05-01T12:00:00Z, or seconds "
+        "with a decimal point.",
+        example="17",
     ),
 )
-
-
-def _question(values: parameters.Values, accept: str | None) -> Question:
-    queries = values.get("query", ())
-    if len(queries) != 1:
-        raise InvalidQuery(
-            f"the request has {len(queries)} queries; send one, as the parameter `query` or as the "
-            "body"
-        )
-    return Question(
-        queries[0],
-        accept,
-        tuple(values.get("default-graph-uri", ())),
-        tuple(values.get("named-graph-uri", ())),
-        parameters.time_or_now(values, "at"),
-        parameters.optional_number(values, "asof"),
-        parameters.certainty(values),
-    )
 
 
 def _located(problem: InvalidQuery, query: str) -> InvalidQuery:

@@ -80,9 +80,8 @@ class TransferRoutes:
             media_type = _FORMATS[name]
         else:
             raise InvalidInput(f"the format is {name!r}; give one of {', '.join(_FORMATS)}")
-        last = self._board.commit
-        commit = parameters.number(values, "asof", default=last)
-        parameters.check_commit(commit, last)
+        as_of = parameters.as_of(values, self._board)
+        commit = self._board.commit if as_of is None else as_of
         wanted = FluentFilter(
             at_s=parameters.time_s(values, "at", self._board.clock),
             certainty=parameters.certainty(values),
@@ -157,9 +156,9 @@ class TransferRoutes:
                     ),
                     Parameter(
                         "asof",
-                        "As the board believed after this commit.",
-                        {"type": "integer", "minimum": 0},
-                        17,
+                        "As the board believed after this commit, or at a time.",
+                        text,
+                        "17",
                     ),
                 ),
                 answers={

@@ -58,6 +58,14 @@ def names(api: httpx.Client, **params: Any) -> list[str]:
         ({"property": "hasX"}, ["table1"]),
         ({"property": "hasPose", "value": "pose1"}, ["table1"]),
         ({"property": "hasPose", "value": "pose2"}, []),
+        ({"relation": "within", "to": "4,61"}, ["mug1", "plate1"]),
+        ({"relation": "during", "to": "plate1", "certainly": ""}, ["mug1"]),
+        ({"relation": "before", "to": "45"}, ["mug1"]),
+        ({"relation": "equals", "to": "mug2", "certainly": ""}, ["mug2"]),
+        ({"asof": "50.0"}, ["mug1", "mug2", "plate1", "table1"]),
+        ({"asof": "49.5"}, []),
+        ({"asof": "1970-01-01T00:00:50Z", "class": "Mug"}, ["mug1", "mug2"]),
+        ({"asof": "1970-01-01T01:00:00+01:00"}, []),
     ],
 )
 def test_all_filters_that_are_given_hold(
@@ -93,6 +101,11 @@ def test_a_listing_comes_as_yaml_or_json_lines_on_request(api: httpx.Client) -> 
     assert [orjson.loads(line)["name"] for line in as_lines.text.splitlines()] == names(api)
 
 
+def test_a_relation_to_nobody_is_not_found(api: httpx.Client) -> None:
+    reply = api.get("/fluents", params={"relation": "during", "to": "nobody"})
+    assert (reply.status_code, reply.json()["code"]) == (404, "unknown-fluent")
+
+
 @pytest.mark.parametrize(
     ("params", "code"),
     [
@@ -106,6 +119,12 @@ def test_a_listing_comes_as_yaml_or_json_lines_on_request(api: httpx.Client) -> 
         ({"limit": "1000000"}, "invalid-input"),
         ({"cursor": "x"}, "invalid-input"),
         ({"asof": "-1"}, "invalid-input"),
+        ({"asof": "yesterday"}, "invalid-input"),
+        ({"asof": "2026-05-01T12:00:00"}, "invalid-input"),
+        ({"relation": "during"}, "invalid-input"),
+        ({"to": "1,2"}, "invalid-input"),
+        ({"relation": "near", "to": "1,2"}, "invalid-input"),
+        ({"relation": "during", "to": "2,1"}, "interval-reversed"),
     ],
 )
 def test_a_wrong_filter_is_refused(api: httpx.Client, params: dict[str, str], code: str) -> None:
