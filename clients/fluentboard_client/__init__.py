@@ -12,7 +12,7 @@ from fluentboard_client.client import Client
 from fluentboard_client.commands import AssertFluent, Command, EndFluent, RefineFluent
 from fluentboard_client.conversation import Delta, Event, Gap, Lagged, Snapshot
 from fluentboard_client.exchange import FluentChange, Receipt
-from fluentboard_client.results import BlankNode, Iri, Row
+from fluentboard_client.results import BlankNode, Iri, Row, Term, row_text, term_text
 
 __all__ = [
     "AssertFluent",
@@ -31,4 +31,7 @@ __all__ = [
     "RefineFluent",
     "Row",
     "Snapshot",
+    "Term",
+    "row_text",
+    "term_text",
 ]

@@ -14,8 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fluentboard.errors import FluentboardError
-from fluentboard_client import Client, Delta, Row, Snapshot
-from fluentboard_client.results import Term, term_text
+from fluentboard_client import Client, Delta, Row, Snapshot, Term, term_text
 from fluentboard_modules.demo.findings import Finding
 from fluentboard_modules.mapping.evaluation import Match, TruePiece, compare
 from fluentboard_modules.worker import WorkReport
