@@ -238,6 +238,9 @@ class FurnitureMapConfig(_Settings):
     least_frames: int = Field(
         default=2, ge=1, description="Planes seen in fewer frames are not classified."
     )
+    floor_reach_m: float = Field(
+        default=0.15, ge=0.0, description="The floor is within this of z = 0 everywhere."
+    )
     support_frames: float = Field(
         default=5.0,
         gt=0.0,

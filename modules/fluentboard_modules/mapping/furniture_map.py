@@ -132,7 +132,9 @@ class FurnitureMap:
         return (
             identifiers,
             regions,
-            self._rules.classify(regions, floor=_floor_plane(regions), explain=explain),
+            self._rules.classify(
+                regions, floor=_floor_plane(regions, self._config.floor_reach_m), explain=explain
+            ),
         )
 
     def _candidates(
@@ -375,9 +377,13 @@ def _support(planes: tuple[FurniturePlane, ...]) -> int:
     return min(best.values())
 
 
-def _floor_plane(regions: list[PlanarRegion]) -> Plane | None:
-    """The floor with its slope: gravity a degree off is 5 cm at the other end of a room."""
-    floor = find_floor([level_surfaces(regions)])
+def _floor_plane(regions: list[PlanarRegion], reach_m: float) -> Plane | None:
+    """The floor with its slope: gravity a degree off is 5 cm at the other end of a room.
+
+    The map frame has its floor at z = 0; what is further from there is something else.
+    """
+    low = [region for region in regions if abs(region.height_m) <= reach_m]
+    floor = find_floor([level_surfaces(low)])
     if floor is None or floor.n_frames == 0:
         return None
     normal = np.array([-floor.slope_x, -floor.slope_y, 1.0])
