@@ -27,6 +27,9 @@ COMMANDS = (
     "evaluate",
     "evaluate mapping",
     "frames",
+    "frames info",
+    "frames view",
+    "frames record",
     "demo",
 )
 """All commands, in the order of the page; the empty one is `fluentboard` itself."""

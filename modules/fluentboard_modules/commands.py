@@ -2,37 +2,29 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fluentboard.errors import MissingExtra
+from fluentboard_modules.command_options import (
+    DEFAULT_BOARD,
+    Board,
+    Start,
+    Token,
+    Verbose,
+    log_to_stderr,
+    needs_extra,
+)
+from fluentboard_modules.frames import commands as frame_commands
 
-DEFAULT_BOARD = "http://127.0.0.1:8080"
-_OURS = ("fluentboard", "fluentboard_client", "fluentboard_modules", "fluentboard_ontology")
-
-Board = Annotated[
-    str,
-    typer.Option("--board", "-b", metavar="URL", envvar="FLUENTBOARD_BOARD", help="The board."),
-]
-Token = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SECRET",
-        envvar="FLUENTBOARD_TOKEN",
-        help="Bearer token, where the board asks for one.",
-    ),
-]
 Frames = Annotated[
     str,
     typer.Option(
         metavar="SOURCE",
-        help="A folder with a recording (7-Scenes, TUM RGB-D or Open3D layout), a point cloud "
-        "(.pcd, .ply), or simulated-restaurant, with a seed simulated-restaurant:7.",
+        help="A recording (a folder in 7-Scenes, TUM RGB-D or Open3D layout, a ROS bag), a point "
+        "cloud (.pcd, .ply), a simulated drive (sim:restaurant?seed=7) or live frames "
+        "(http://host:8080/frames/SENSOR).",
     ),
 ]
 Gravity = Annotated[
@@ -43,14 +35,6 @@ Gravity = Annotated[
         "Default: gravity-direction.txt in the recording, or a world with z up.",
     ),
 ]
-Start = Annotated[
-    float | None,
-    typer.Option(
-        metavar="SECONDS",
-        help="Time of the first frame on the board's time axis. Default: the recording's own.",
-    ),
-]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log what the worker does.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -77,11 +61,7 @@ def register(app: typer.Typer) -> None:
         epilog="Examples:\n\nfluentboard demo\n\nfluentboard demo --keep\n\n"
         "fluentboard demo --frames ./kitchen --gravity ./kitchen/gravity-direction.txt",
     )(demo)
-    app.command(
-        "frames",
-        epilog="Examples:\n\nfluentboard frames ./kitchen\n\n"
-        "fluentboard frames simulated-restaurant:3 --output ./restaurant3",
-    )(frames)
+    frame_commands.register(app)
 
 
 def work_mapping(
@@ -108,8 +88,8 @@ def work_mapping(
     the map frame. Waits for the board if it is away. Ends with the recording, or cleanly at
     SIGTERM and Ctrl-C.
     """
-    _log_to_stderr(verbose)
-    with _needs("mapping"):
+    log_to_stderr(verbose)
+    with needs_extra("mapping"):
         from fluentboard_modules.mapping.worker import run_mapping
     report = run_mapping(
         frames,
@@ -143,8 +123,8 @@ def demo(
     Starts a service on a free port, maps the recording, shows the notifications as they arrive,
     asks a SPARQL query, and writes pictures and all fluents to the output folder.
     """
-    _log_to_stderr(verbose)
-    with _needs("all"):
+    log_to_stderr(verbose)
+    with needs_extra("all"):
         from fluentboard_modules.demo.run import run_demo
     run_demo(frames, gravity=gravity, keep=keep, output=output)
 
@@ -162,52 +142,6 @@ def evaluate_mapping(
     A piece counts as found within the distances of the thesis: 15 cm for chairs, 25 cm for shelves,
     45 cm for the rest.
     """
-    with _needs("mapping"):
+    with needs_extra("mapping"):
         from fluentboard_modules.mapping.evaluate import evaluate_mapping as run
     run(seed or [0, 1, 2])
-
-
-def frames(
-    source: Annotated[str, typer.Argument(metavar="SOURCE", help="As for --frames of `work`.")],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Write the frames there, in the 7-Scenes layout."
-        ),
-    ] = None,
-) -> None:
-    """Describe a source of frames, or write it to a folder as a recording."""
-    with _needs("mapping"):
-        from fluentboard_modules.frames.report import describe, write
-    if output is None:
-        typer.echo(describe(source))
-    else:
-        typer.echo(f"{write(source, output)} frames written to {output}")
-
-
-@contextmanager
-def _needs(extra: str) -> Generator[None, None, None]:
-    """Says which extra is missing when an import fails.
-
-    Raises:
-        MissingExtra: a package is missing that is not one of ours.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as problem:
-        package = (problem.name or "").partition(".")[0]
-        if package in _OURS:
-            raise
-        raise MissingExtra(
-            f"this command needs the extra '{extra}' ({package} is missing); install it with: "
-            f"pip install 'fluentboard[{extra}]'"
-        ) from problem
-
-
-def _log_to_stderr(verbose: bool) -> None:
-    """Warnings always, the course of events if asked for, and never a line per request."""
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format="%(levelname)s %(name)s: %(message)s",
-    )
-    logging.getLogger("httpx").setLevel(logging.WARNING)

@@ -43,7 +43,7 @@ def test_reference_is_what_the_commands_say(page: str) -> None:
 
 def test_every_command_shows_examples(writer: ModuleType, page: str) -> None:
     sections = page.split("\n## ")[1:]
-    groups = {"", "work", "evaluate"}
+    groups = {"", "work", "evaluate", "frames"}
     for command, section in zip(writer.COMMANDS, sections, strict=True):
         assert ("Examples:" in section) == (command not in groups), command
 

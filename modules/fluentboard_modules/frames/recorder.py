@@ -46,8 +46,6 @@ def record_source(
         InvalidInput: there is something at `output`, or the layout cannot hold the frames.
     """
     layout = layout or _layout_of(output)
-    if layout not in get_args(Layout):
-        raise InvalidInput(f"layout {layout!r}; give one of {', '.join(get_args(Layout))}")
     if layout == "7-scenes":
         return _write_seven_scenes(source, output, progress)
     if layout == "tum":
@@ -61,6 +59,18 @@ def record_source(
     if ending is None or output.suffix != ending:
         return write_bag(source, output, layout, progress)
     return _write_storage_file(source, output, layout, progress)
+
+
+def checked_layout(text: str) -> Layout:
+    """The layout of that name.
+
+    Raises:
+        InvalidInput: there is none.
+    """
+    for layout in get_args(Layout):
+        if text == layout:
+            return layout
+    raise InvalidInput(f"layout {text!r}; give one of {', '.join(get_args(Layout))}")
 
 
 def _layout_of(output: Path) -> Layout:

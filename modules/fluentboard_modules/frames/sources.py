@@ -25,13 +25,6 @@ from fluentboard_modules.frames.sensor_frame import FrameSource
 SIMULATED = "simulated-restaurant"
 """The older name of `sim:restaurant`; `simulated-restaurant:7` has the seed 7."""
 
-HELP = (
-    "A recording (folder in 7-Scenes, TUM RGB-D or Open3D layout, .bag, .mcap, .db3, ROS 2 bag), a "
-    "point cloud (.pcd, .ply), a simulated drive (sim:restaurant?seed=7) or live frames "
-    "(http://host:8080/frames/SENSOR)."
-)
-"""For the command line."""
-
 _SIMULATED = re.compile(rf"{SIMULATED}(?::(\d+))?")
 _CLOUD_ENDINGS = (".pcd", ".ply")
 _BAG_ENDINGS = (".bag", ".db3", ".mcap")

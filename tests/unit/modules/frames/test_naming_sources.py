@@ -11,7 +11,7 @@ from fluentboard.errors import InvalidFrame, InvalidInput
 from fluentboard_modules.frames.bags import BagRecording
 from fluentboard_modules.frames.clouds import CloudRecording
 from fluentboard_modules.frames.folder_recording import FolderRecording
-from fluentboard_modules.frames.recorder import record_source
+from fluentboard_modules.frames.recorder import checked_layout, record_source
 from fluentboard_modules.frames.recordings import Recording
 from fluentboard_modules.frames.sources import open_source
 
@@ -116,7 +116,6 @@ def test_first_stamp_must_be_positive(made: Any, tmp_path: Path) -> None:
         open_source(str(tmp_path / "room"), start_s=0.0)
 
 
-def test_unknown_layout_lists_the_known(made: Any, tmp_path: Path) -> None:
-    layout: Any = "zip"
+def test_unknown_layout_lists_the_known() -> None:
     with pytest.raises(InvalidInput, match="layout 'zip'; give one of 7-scenes, tum, open3d"):
-        record_source(made, tmp_path / "room", layout)
+        checked_layout("zip")

@@ -1,0 +1,110 @@
+"""`fluentboard frames`: look into a source of frames, copy it, send it to a board."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fluentboard_modules.command_options import (
+    Source,
+    Start,
+    Verbose,
+    log_to_stderr,
+    needs_extra,
+)
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the group `frames` to the app of `fluentboard`."""
+    frames = typer.Typer(help="Look into a source of frames, or copy it.", no_args_is_help=True)
+    frames.command(
+        "info",
+        epilog="Examples:\n\nfluentboard frames info ./kitchen\n\n"
+        "fluentboard frames info 'drive.bag?depth=/camera/depth/image_raw'",
+    )(info)
+    frames.command("view", epilog="Examples:\n\nfluentboard frames view ./kitchen --plot pictures")(
+        view
+    )
+    frames.command(
+        "record",
+        epilog="Examples:\n\nfluentboard frames record 'sim:restaurant?seed=3' ./restaurant3\n\n"
+        "fluentboard frames record ./kitchen kitchen.mcap\n\n"
+        "fluentboard frames record drive.bag ./drive --layout open3d",
+    )(record)
+    app.add_typer(frames, name="frames")
+
+
+def info(source: Source, verbose: Verbose = False) -> None:
+    """Describe a source: number and size of its frames, camera, time, depth, path, problems."""
+    log_to_stderr(verbose)
+    with needs_extra("mapping"):
+        from fluentboard_modules.frames.report import describe, examine
+        from fluentboard_modules.frames.sources import open_source
+    typer.echo(describe(examine(open_source(source))))
+
+
+def view(
+    source: Source,
+    plot: Annotated[Path, typer.Option(metavar="DIR", help="Where the pictures go.")] = Path(
+        "pictures"
+    ),
+    verbose: Verbose = False,
+) -> None:
+    """Draw a sheet of a source's frames, and the camera's path from above."""
+    log_to_stderr(verbose)
+    with needs_extra("mapping"):
+        from fluentboard_modules.frames.pictures import draw_source
+        from fluentboard_modules.frames.report import describe, examine
+        from fluentboard_modules.frames.sources import open_source
+    report = examine(open_source(source))
+    typer.echo(describe(report))
+    if report.frames:
+        for file in draw_source(report, plot):
+            typer.echo(f"  drawn        {file}")
+
+
+def record(
+    source: Source,
+    output: Annotated[
+        Path, typer.Argument(metavar="OUTPUT", help="A new folder, or a .bag, .mcap or .db3 file.")
+    ],
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAYOUT",
+            help="7-scenes, tum, open3d, bag, mcap or sqlite3. Default: told by the ending of "
+            "OUTPUT; a folder gets 7-scenes.",
+        ),
+    ] = None,
+    start: Start = None,
+    verbose: Verbose = False,
+) -> None:
+    """Copy the frames of a source to disk, in the layout that another tool wants."""
+    log_to_stderr(verbose)
+    with needs_extra("mapping"):
+        from fluentboard_modules.frames.recorder import checked_layout, record_source
+        from fluentboard_modules.frames.sources import open_source
+    chosen = None if layout is None else checked_layout(layout)
+    opened = open_source(source, start_s=start)
+    with _bar() as bar:
+        task = bar.add_task("recording", total=None)
+        count = record_source(
+            opened,
+            output,
+            chosen,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    typer.echo(f"{count} frames written to {output}")
+
+
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    return Progress(console=console, disable=not console.is_terminal)
