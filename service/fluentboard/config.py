@@ -146,6 +146,9 @@ class SecuritySettings(_Section):
         description="Host names by which browsers may reach a board without tokens, besides "
         "localhost, names without a dot and IP addresses.",
     )
+    service_endpoints: tuple[str, ...] = Field(
+        default=(), description="IRIs of the SPARQL endpoints that queries may ask with SERVICE."
+    )
     cors_origins: tuple[str, ...] = Field(
         default=(),
         description="Web origins whose pages may use the board, such as https://example.org.",

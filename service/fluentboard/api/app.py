@@ -103,7 +103,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     """
     guard = Guard(settings)
     metrics = Metrics()
-    evaluator = Evaluator(blackboard, settings.limits)
+    evaluator = Evaluator(blackboard, settings.limits, settings.security.service_endpoints)
     registry = SubscriptionRegistry(blackboard, settings.subscriptions)
     live = LiveRoutes(registry, guard, settings.subscriptions)
     system = SystemRoutes(blackboard)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -18,6 +18,7 @@ from typing import IO, Literal, cast
 
 import pyoxigraph as ox
 
+from fluentboard.api.federation import check_services
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.point_queries import is_point_query
 from fluentboard.api.query_threads import QueryThreads
@@ -116,10 +117,14 @@ class Evaluator:
     Args:
         board: what is asked.
         limits: on time, rows and bytes.
+        service_endpoints: which other endpoints queries may ask.
     """
 
-    def __init__(self, board: Blackboard, limits: LimitSettings) -> None:
+    def __init__(
+        self, board: Blackboard, limits: LimitSettings, service_endpoints: Collection[str] = ()
+    ) -> None:
         self._board = board
+        self._service_endpoints = frozenset(service_endpoints)
         self._limits = limits
         self._inline_limits = limits.model_copy(
             update={"result_max_bytes": min(_INLINE_BYTES_MAX, limits.result_max_bytes)}
@@ -146,6 +151,7 @@ class Evaluator:
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
+            NotAllowed: it asks an endpoint that it may not.
             NotAcceptable: the client accepts no format that fits its form.
             QueryTimeout: it took too long.
             TooLarge: its result is too long.
@@ -161,6 +167,7 @@ class Evaluator:
         return result
 
     async def _evaluated(self, question: Question, commit: int) -> Result:
+        check_services(question.text, self._service_endpoints)
         # A query waits until the RDF store has all that was committed; the event loop must not.
         is_current = self._applied >= commit and question.is_timeless
         if is_current and is_point_query(question.text):
