@@ -44,6 +44,7 @@ class FrameProgress:
         self._task = self._bar.add_task("starting", total=None, status="")
         self._name = ""
         self._frames = 0
+        self._is_waiting = False
         self._began = self._logged = time.monotonic()
 
     def begin(self, name: str, frames: int | None) -> None:
@@ -55,6 +56,7 @@ class FrameProgress:
     def advance(self, status: str) -> None:
         """One more frame is done."""
         self._frames += 1
+        self._is_waiting = False
         self._bar.update(self._task, advance=1, status=status)
         now = time.monotonic()
         if self._bar.disable and now - self._logged > _LOG_EVERY_S:
@@ -65,8 +67,9 @@ class FrameProgress:
     def waiting(self, reason: str) -> None:
         """The board is away."""
         self._bar.update(self._task, status=reason)
-        if self._bar.disable:
-            logger.info("%s", reason)
+        if self._bar.disable and not self._is_waiting:
+            logger.warning("%s", reason)
+        self._is_waiting = True
 
     def __enter__(self) -> Self:
         self._bar.start()

@@ -152,13 +152,14 @@ def run(
     """
     stop = stop or StopRequest()
     writer = _Writer(board, progress, stop)
-    if not writer.await_board():
+    first = _begun(module, board, writer)
+    if first is None:
         return WorkReport(0, 0, 0, 0.0, was_stopped=True)
     progress.begin(module.name, _length(source))
     began = time.monotonic()
     frames = 0
     with _listening(module, board) as noticed:
-        writer.write(module.begin(board))
+        writer.write(first)
         for frame in source:
             for event in noticed():
                 module.notice(event)
@@ -179,6 +180,16 @@ def run(
     return WorkReport(
         frames, writer.commands, writer.commit, time.monotonic() - began, stop.is_asked
     )
+
+
+def _begun(module: Module, board: Client, writer: _Writer) -> Sequence[Command] | None:
+    """What the module writes first, once there is a board; None if asked to stop before."""
+    while writer.await_board():
+        try:
+            return module.begin(board)
+        except BoardUnreachable as problem:  # gone again while the module was reading
+            logger.info("%s", problem)
+    return None
 
 
 @contextmanager

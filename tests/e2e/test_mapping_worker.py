@@ -141,7 +141,5 @@ def test_source_that_is_not_there_is_one_clear_line(service: ServiceProcess) -> 
     with Worker(Path("/nowhere"), service.address) as worker:
         code, said = worker.finish()
     assert code == 1
-    assert (
-        said
-        == "invalid-frame: /nowhere: no such folder; give the folder that holds the recording\n"
-    )
+    assert said.startswith("invalid-frame: /nowhere: no such file or folder; give")
+    assert said.count("\n") == 1

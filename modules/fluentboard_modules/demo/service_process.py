@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -18,6 +19,7 @@ _ANNOUNCEMENT = re.compile(r"serves (https?://\S+)")
 _START_TIMEOUT_S = 60.0
 _STOP_TIMEOUT_S = 15.0
 _LOG_TAIL_CHARACTERS = 2000
+_SETTINGS = "FLUENTBOARD_"
 
 
 class ServiceProcess:
@@ -45,7 +47,14 @@ class ServiceProcess:
     def start(self) -> None:
         """Starts the service and waits until it says where it listens."""
         self._process = subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=self._log, text=True
+            self._command,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+            # The settings of somebody's real board must not change this one.
+            env={key: value for key, value in os.environ.items() if not key.startswith(_SETTINGS)},
+            # Ctrl-C reaches all processes of a session; this one is stopped when its work is done.
+            start_new_session=True,
         )
         threading.Thread(target=self._read_announcement, args=(self._process,), daemon=True).start()
         deadline = time.monotonic() + _START_TIMEOUT_S
