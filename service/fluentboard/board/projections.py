@@ -74,6 +74,10 @@ class Projections:
             )
         return self.journal.fluent(name, as_of)
 
+    def is_in_ontology(self, quad: ox.Quad) -> bool:
+        """An ontology that the RDF store has says the statement of the default graph."""
+        return self._layers.is_in_ontology(quad)
+
     def remember(self, commits: Sequence[Commit]) -> None:
         """Brings what is in memory to the last of the commits; they are durable by now."""
         for commit in commits:

@@ -54,6 +54,10 @@ class StatementLayers:
         """What is declared after the last step."""
         return self._declarations.vocabulary
 
+    def is_in_ontology(self, quad: ox.Quad) -> bool:
+        """An ontology that is loaded says the statement."""
+        return quad in self._ontology
+
     def skip(self, changes: Sequence[StatementsChanged]) -> None:
         """Takes over a commit that the store has applied already."""
         if self._declarations.apply(changes):

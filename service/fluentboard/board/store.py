@@ -70,6 +70,12 @@ class EmbeddedStore:
         return self._applied
 
     @property
+    def moment(self) -> int | None:
+        """Differs whenever the statements may; None in the middle of a change."""
+        sequence = self._sequence
+        return sequence if sequence % 2 == 0 else None
+
+    @property
     def may_be_ahead(self) -> bool:
         """A process that did not fsync its journal stopped without closing the store.
 

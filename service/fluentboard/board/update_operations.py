@@ -11,6 +11,8 @@ from typing import Literal
 
 import pyoxigraph as ox
 
+from fluentboard.board.query_reach import Reach
+
 Graph = ox.NamedNode | ox.DefaultGraph
 """A graph that can be changed."""
 
@@ -85,6 +87,7 @@ class Modify:
         default_graphs: what the query's default graph is made of; None for the board's own.
         named_graphs: what the query's GRAPH sees; None for all.
         base_iri: what relative IRIs in the query are relative to.
+        reach: what the query can look at; None for everything.
     """
 
     query: str
@@ -93,6 +96,7 @@ class Modify:
     default_graphs: tuple[Graph, ...] | None = None
     named_graphs: tuple[ox.NamedNode, ...] | None = None
     base_iri: str | None = None
+    reach: Reach | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,13 @@ in which variables stand in as IRIs of a name space of their own.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, cast
 
 import pyoxigraph as ox
 
-from fluentboard.board.sparql_tokens import Token, has_word, tokens_of
+from fluentboard.board.query_reach import reach_of
+from fluentboard.board.sparql_tokens import Token, has_word
 from fluentboard.board.update_operations import (
     Clear,
     Create,
@@ -27,13 +27,12 @@ from fluentboard.board.update_operations import (
     TemplateQuad,
     Transfer,
 )
+from fluentboard.board.update_text import OperationText, operations_in
 from fluentboard.errors import InvalidQuery
 from fluentboard_ontology import PREFIXES
 
 _VARIABLE = "urn:x-fluentboard:variable:"
-_NOTHING = "urn:x-fluentboard:nothing"
 _PREFIXES = dict(PREFIXES)
-_POSITION = re.compile(r"error at (\d+):")
 _DEFAULT = ox.DefaultGraph()
 
 
@@ -56,75 +55,45 @@ def parse_update(
         InvalidQuery: it does not parse, calls SERVICE, or names its dataset although the request
             does so too.
     """
-    tokens = tokens_of(text)
-    _check(text, tokens, base_iri)
-    if has_word(tokens, "SERVICE"):
-        raise InvalidQuery(
-            "an update cannot ask other endpoints; ask them with a query (SERVICE) first, and "
-            "write what they answer with INSERT DATA"
-        )
-    return _Reader(text, tokens, base_iri, using_graphs, using_named_graphs).operations()
-
-
-def _check(text: str, tokens: list[Token], base_iri: str | None) -> None:
-    """Has Oxigraph parse the text without carrying any of it out.
-
-    Raises:
-        InvalidQuery: it does not parse.
-    """
-    try:
-        # Parsed as a whole first; then the first operation fails, and nothing else is done.
-        ox.Store().update(
-            f"DROP GRAPH <{_NOTHING}> ;\n{text}", base_iri=base_iri, prefixes=_PREFIXES
-        )
-    except SyntaxError as problem:
-        message = _POSITION.sub(lambda m: f"error at {int(m[1]) - 1}:", str(problem))
-        raise InvalidQuery(f"the update does not parse: {message}") from None
-    except (RuntimeError, OSError):
-        return
-    except ValueError as problem:
-        raise InvalidQuery(f"the update does not parse: {problem}") from None
-    raise AssertionError("an update that drops a graph that is not there went through")
+    parts = operations_in(text, base_iri)
+    for part in parts:
+        if has_word(part.tokens, "SERVICE"):
+            raise InvalidQuery(
+                "an update cannot ask other endpoints; ask them with a query (SERVICE) first, and "
+                "write what they answer with INSERT DATA"
+            )
+    dataset = _named_nodes(using_graphs), _named_nodes(using_named_graphs)
+    return [
+        _Reader(text, part, base_iri, *dataset, follows_others=number > 0).operation()
+        for number, part in enumerate(parts)
+    ]
 
 
 class _Reader:
-    """Walks over the tokens of an update that is known to parse."""
+    """Walks over the tokens of an operation that is known to parse."""
 
     def __init__(
         self,
         text: str,
-        tokens: list[Token],
+        part: OperationText,
         base_iri: str | None,
-        using_graphs: Sequence[str],
-        using_named_graphs: Sequence[str],
+        using: tuple[ox.NamedNode, ...],
+        using_named: tuple[ox.NamedNode, ...],
+        *,
+        follows_others: bool,
     ) -> None:
         self._text = text
-        self._tokens = tokens
+        self._tokens = part.tokens
+        self._prologue = part.prologue
         self._base_iri = base_iri
         self._here = 0
-        self._prologue = ""
-        self._has_dataset = bool(using_graphs or using_named_graphs)
-        self._using = _named_nodes(using_graphs)
-        self._using_named = _named_nodes(using_named_graphs)
+        self._has_dataset = bool(using or using_named)
+        self._using = using
+        self._using_named = using_named
+        self._follows_others = follows_others
 
-    def operations(self) -> list[Operation]:
-        found: list[Operation] = []
-        while self._here < len(self._tokens):
-            begin = self._peek().start
-            if self._takes("PREFIX"):
-                self._here += 2
-            elif self._takes("BASE") or self._takes("VERSION"):
-                self._here += 1
-            elif self._peek().text == ";":
-                self._here += 1
-                continue
-            else:
-                found.append(self._operation())
-                continue
-            self._prologue += self._text[begin : self._tokens[self._here - 1].end] + "\n"
-        return found
-
-    def _operation(self) -> Operation:
+    def operation(self) -> Operation:
+        """What the tokens say."""
         word = self._next().text.upper()
         if word == "LOAD":
             is_silent = self._takes("SILENT")
@@ -154,7 +123,7 @@ class _Reader:
         if word == "DELETE" and self._takes("WHERE"):
             group = self._group()
             return self._modify(group, None, None, "", group)
-        self._here -= 1
+        self._here = 0
         return self._modification()
 
     def _modification(self) -> Modify:
@@ -174,11 +143,11 @@ class _Reader:
 
     def _modify(
         self,
-        delete: list[Token] | None,
-        insert: list[Token] | None,
+        delete: Sequence[Token] | None,
+        insert: Sequence[Token] | None,
         graph: ox.NamedNode | None,
         dataset: str,
-        where: list[Token],
+        where: Sequence[Token],
     ) -> Modify:
         variables = dict.fromkeys(
             "?" + token.text[1:]
@@ -196,17 +165,19 @@ class _Reader:
         insert_template = self._template(insert, graph)
         # The same solution twice makes a difference only where it makes new blank nodes.
         distinct = "" if _makes_blank_nodes(insert_template) else "DISTINCT "
+        query = f"{self._prologue}SELECT {distinct}{columns}\n{dataset}WHERE {pattern}"
         return Modify(
-            f"{self._prologue}SELECT {distinct}{columns}\n{dataset}WHERE {pattern}",
+            query,
             self._template(delete, graph),
             insert_template,
             default_graphs,
             named_graphs,
             self._base_iri,
+            reach_of(query) if self._follows_others else None,
         )
 
     def _template(
-        self, group: list[Token] | None, graph: ox.NamedNode | None
+        self, group: Sequence[Token] | None, graph: ox.NamedNode | None
     ) -> tuple[TemplateQuad, ...]:
         if group is None:
             return ()
@@ -221,7 +192,7 @@ class _Reader:
             for quad in quads
         )
 
-    def _data(self, group: list[Token]) -> list[ox.Quad]:
+    def _data(self, group: Sequence[Token]) -> list[ox.Quad]:
         """The statements in braces; a variable becomes an IRI."""
         if any(token.kind == "variable" for token in group):
             parts: list[str] = []
@@ -264,7 +235,7 @@ class _Reader:
         assert isinstance(graph, ox.NamedNode)
         return graph
 
-    def _group(self) -> list[Token]:
+    def _group(self) -> Sequence[Token]:
         """The tokens from an opening brace to the one that closes it."""
         begin, depth = self._here, 0
         while True:

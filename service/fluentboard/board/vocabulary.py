@@ -45,14 +45,23 @@ def parse_statements(text: str, source: str, base_iri: str | None = None) -> lis
         raise InvalidOntology(f"{source} does not parse: {problem}") from None
 
 
+def declares_class(triple: ox.Triple) -> bool:
+    """The triple declares a class."""
+    return (
+        triple.predicate.value == RDF_TYPE
+        and isinstance(triple.object, ox.NamedNode)
+        and triple.object.value in _CLASS_TYPES
+    )
+
+
 def is_declaration(triple: ox.Triple) -> bool:
     """The triple declares a class or property, or relates two classes."""
-    if triple.predicate.value == SUB_CLASS_OF:
+    if triple.predicate.value == SUB_CLASS_OF or declares_class(triple):
         return True
     return (
         triple.predicate.value == RDF_TYPE
         and isinstance(triple.object, ox.NamedNode)
-        and triple.object.value in _CLASS_TYPES | _PROPERTY_TYPES
+        and triple.object.value in _PROPERTY_TYPES
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 
@@ -30,13 +31,25 @@ _GROUP_COMMANDS_MAX = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A batch that somebody waits for."""
+    """A batch that somebody waits for.
+
+    Attributes:
+        commands: about fluents.
+        author: whom the commit is attributed to.
+        key: the idempotency key, or None.
+        digest: fingerprint of the request, with a key.
+        statements: what changes outside fluents.
+        derive: works out instead what changes outside fluents; called by the writer when the RDF
+            store has all commits before, and nothing can come in between.
+        answer: the commit, or why there is none.
+    """
 
     commands: tuple[Command, ...]
     author: str
     key: str | None = None
     digest: str | None = None
     statements: tuple[StatementsChanged, ...] = ()
+    derive: Callable[[], tuple[StatementsChanged, ...]] | None = None
     answer: Future[Commit] = field(default_factory=lambda: Future[Commit]())
 
 
@@ -53,6 +66,7 @@ class Writer:
         self._journal = projections.journal
         self._clock = clock
         self._waiting: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._held: Request | None = None
         self._guard = threading.Lock()
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="fluentboard-writer", daemon=True)
@@ -92,10 +106,13 @@ class Writer:
                 return
 
     def _next_group(self) -> tuple[list[Request], bool]:
-        first = self._waiting.get()
+        first, self._held = self._held or self._waiting.get(), None
         if first is None:
             return [], True
         group, commands = [first], len(first.commands)
+        if first.derive is not None:
+            # It looks at the store, which must have everything before it: it goes alone.
+            return group, False
         while len(group) < _GROUP_REQUESTS_MAX and commands < _GROUP_COMMANDS_MAX:
             try:
                 request = self._waiting.get_nowait()
@@ -103,6 +120,9 @@ class Writer:
                 break
             if request is None:
                 return group, True
+            if request.derive is not None:
+                self._held = request
+                break
             group.append(request)
             commands += len(request.commands)
         return group, False
@@ -174,11 +194,15 @@ class Writer:
             )
             fresh[name] = after
             events.append(replace(event, after=after))
-        if not events and not request.statements:
+        statements = request.statements
+        if request.derive is not None:
+            self._projector.wait_for(self._journal.last)
+            statements = request.derive()
+        if not events and not statements:
             return Commit(number - 1, self._clock.now_s(), request.author)
         pending.update(fresh)
         commit = Commit(
-            number, self._clock.now_s(), request.author, tuple(events), request.statements, reason
+            number, self._clock.now_s(), request.author, tuple(events), statements, reason
         )
         return KeyedCommit(commit, request.key, request.digest)
 
