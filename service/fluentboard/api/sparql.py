@@ -19,6 +19,7 @@ from fluentboard.api.negotiation import negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.writing import commit_header
 from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.time_functions import FUNCTIONS
 from fluentboard.config import LimitSettings
 from fluentboard.errors import (
     FluentsAreReadOnly,
@@ -30,7 +31,7 @@ from fluentboard.errors import (
     TooLarge,
     UnsupportedMediaType,
 )
-from fluentboard_ontology import PREFIXES
+from fluentboard_ontology import FB, PREFIXES
 
 _FORM = "application/x-www-form-urlencoded"
 _DIRECT = "application/sparql-query"
@@ -286,7 +287,14 @@ def _description(call: Call) -> Reply:
         ox.Triple(service, sd("resultFormat"), ox.NamedNode(_FORMATS + name))
         for name in _DESCRIBED_FORMATS
     ]
-    prefixes = {"sd": _SD, "formats": _FORMATS}
+    for name, what in FUNCTIONS.items():
+        function = ox.NamedNode(FB + name)
+        triples += [
+            ox.Triple(service, sd("extensionFunction"), function),
+            ox.Triple(function, a, sd("Function")),
+            ox.Triple(function, ox.NamedNode(PREFIXES["rdfs"] + "comment"), ox.Literal(what)),
+        ]
+    prefixes = {"sd": _SD, "formats": _FORMATS, "fb": FB, "rdfs": PREFIXES["rdfs"]}
     text = ox.serialize(triples, format=form, prefixes=prefixes)
     assert text is not None
     return Reply(text, media_type.encode(), 200, [_VARY])

@@ -10,8 +10,9 @@ import pytest
 
 from fluentboard.api.app import BoardApp, create_app
 from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.time_functions import FUNCTIONS
 from fluentboard.config import Settings
-from fluentboard_ontology import FLUENT
+from fluentboard_ontology import FB, FLUENT
 
 MUGS = "SELECT ?mug WHERE { ?mug a race:Mug } ORDER BY ?mug"
 POINT = "SELECT ?class WHERE { fluent:mug1 a ?class }"
@@ -243,6 +244,13 @@ def test_without_a_query_the_service_describes_itself(api: httpx.Client) -> None
     endpoints = [t.object for t in triples if t.predicate.value == sd + "endpoint"]
     assert reply.headers["content-type"] == "text/turtle"
     assert endpoints == [ox.NamedNode("http://board/sparql")]
+
+
+def test_the_description_names_the_extension_functions(api: httpx.Client) -> None:
+    named = "http://www.w3.org/ns/sparql-service-description#extensionFunction"
+    quads = ox.parse(api.get("/sparql").content, format=ox.RdfFormat.TURTLE)
+    functions = {str(q.object)[1:-1] for q in quads if q.predicate.value == named}
+    assert functions == {FB + name for name in FUNCTIONS}
 
 
 def test_the_description_comes_as_the_client_wants(api: httpx.Client) -> None:
