@@ -95,7 +95,13 @@ class Edge:
         if b"origin" in call.headers:
             self._let_pages_read(call, reply)
         try:
-            await reply.send(_headers_only(send) if head else send)
+            if isinstance(reply, Reply):
+                await reply.send(_headers_only(send) if head else send)
+            elif head:
+                await send(reply.start())
+                await send({"type": "http.response.body", "body": b""})
+            else:
+                await _stream(reply, call, send)
         finally:
             self._count(operation, reply.status, began)
 
@@ -151,6 +157,15 @@ def _check_parameters(call: Call, operation: Operation) -> None:
             f"parameters are: {known}",
             parameter=min(unknown),
         )
+
+
+async def _stream(reply: StreamedReply, call: Call, send: Send) -> None:
+    """Sends a long reply, and notices when nobody takes it any more."""
+    leaving = asyncio.create_task(call.gone())
+    try:
+        await reply.send(send, leaving.done)
+    finally:
+        leaving.cancel()
 
 
 def _headers_only(send: Send) -> Send:

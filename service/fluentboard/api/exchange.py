@@ -164,6 +164,11 @@ class Call:
             if self._is_read:
                 return
 
+    async def gone(self) -> None:
+        """Returns when the client has closed the connection; only after the body was read."""
+        while (await self._receive())["type"] == "http.request":
+            pass
+
     @property
     def has_long_unread_body(self) -> bool:
         """So much of the body is still to come that refusing it should close the connection."""
@@ -255,11 +260,17 @@ class StreamedReply:
         self._first = await anext(self._chunks, b"")
         return self
 
-    async def send(self, send: Send) -> None:
-        """Sends status and headers, then every piece."""
-        await send({"type": "http.response.start", "status": self.status, "headers": self.headers})
+    def start(self) -> Message:
+        """Status and headers."""
+        return {"type": "http.response.start", "status": self.status, "headers": self.headers}
+
+    async def send(self, send: Send, is_gone: Callable[[], bool] = lambda: False) -> None:
+        """Sends status and headers, then every piece, until the client is gone."""
+        await send(self.start())
         await send({"type": "http.response.body", "body": self._first, "more_body": True})
         async for chunk in self._chunks:
+            if is_gone():
+                return
             await send({"type": "http.response.body", "body": chunk, "more_body": True})
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import AsyncIterator, Iterable
 from typing import Any
 from urllib.parse import quote
 
@@ -11,6 +11,7 @@ from fluentboard.api.exchange import (
     Call,
     Disconnected,
     Message,
+    StreamedReply,
     form_values,
     parsed_json,
 )
@@ -129,3 +130,34 @@ def test_odd_escapes_are_read_as_the_standard_library_does(encoded: bytes) -> No
 def test_form_values_that_are_not_utf8_are_refused() -> None:
     with pytest.raises(InvalidInput, match="the query string"):
         form_values(b"query=%ff", "the query string")
+
+
+def test_a_long_reply_ends_when_the_client_is_gone() -> None:
+    made: list[int] = []
+
+    async def chunks() -> AsyncIterator[bytes]:
+        for number in range(100):
+            made.append(number)
+            yield b"x"
+
+    async def send(message: Message) -> None:
+        return
+
+    async def run() -> None:
+        reply = await StreamedReply(chunks(), b"text/plain").begun()
+        await reply.send(send, lambda: len(made) > 3)
+
+    asyncio.run(run())
+    assert len(made) == 4
+
+
+def test_an_error_before_the_first_piece_is_still_an_error() -> None:
+    async def chunks() -> AsyncIterator[bytes]:
+        raise InvalidInput("not today")
+        yield b"x"
+
+    async def run() -> None:
+        await StreamedReply(chunks(), b"text/plain").begun()
+
+    with pytest.raises(InvalidInput):
+        asyncio.run(run())
