@@ -33,7 +33,7 @@ def run() -> list[Report]:
             [
                 "Four clients write batches over HTTP while the service is killed and started "
                 "again: every acknowledged batch was there, whole, in the journal and in the RDF "
-                "store. A kill ends the process, not the machine: that a write is on the disk rests "
+                "store. A kill ends the process, not the machine: that a write is on disk rests "
                 "on fsync."
             ],
         )
