@@ -182,38 +182,57 @@ upper:onTop a owl:ObjectProperty .
 )
 
 CLASSES = ("Mug", "Plate", "Table", "FloorArea", "BBox", "Pose")
-_number = st.integers(0, 1)
-_name = st.builds(lambda kind, number: f"{kind}{number}", st.sampled_from(CLASSES), _number)
-_reference = st.builds(
-    lambda name, target: Property(name, target.rstrip("01"), target),
-    st.sampled_from(["onTop", "near", "hasBoundingBox", "hasPose"]),
-    _name,
+
+
+def _individual(class_name: str, number: int) -> str:
+    return f"{class_name}{number}"
+
+
+def _class_of(name: str) -> str:
+    return name.rstrip("01")
+
+
+def _reference(name: str, target: str) -> Property:
+    return Property(name, _class_of(target), target)
+
+
+def _label(text: str) -> Property:
+    return Property("label", "xsd:string", text)
+
+
+def _weight(kind: str, weight: int) -> Property:
+    return Property("weight", kind, weight)
+
+
+def _height(z: float) -> Property:
+    return Property("hasZ", "xsd:float", z)
+
+
+def _soon_after(time_s: float) -> Interval:
+    return Interval(time_s, time_s + 5.0)
+
+
+def _fluent(name: str, finish: Interval, properties: tuple[Property, ...]) -> Fluent:
+    return Fluent(name, _class_of(name), Interval(1.0, 2.0), finish, properties)
+
+
+_names = st.builds(_individual, st.sampled_from(CLASSES), st.integers(0, 1))
+_statements = st.one_of(
+    st.builds(_reference, st.sampled_from(["onTop", "near", "hasBoundingBox", "hasPose"]), _names),
+    st.builds(_label, st.sampled_from("abc")),
+    st.builds(_weight, st.sampled_from(["xsd:float", "xsd:integer"]), st.integers(0, 2)),
+    st.builds(_height, st.sampled_from([0.0, 1.5])),
 )
-_literal = st.one_of(
-    st.builds(lambda text: Property("label", "xsd:string", text), st.sampled_from("abc")),
-    st.builds(
-        lambda kind, weight: Property("weight", kind, weight),
-        st.sampled_from(["xsd:float", "xsd:integer"]),
-        st.integers(0, 2),
-    ),
-    st.builds(lambda z: Property("hasZ", "xsd:float", z), st.sampled_from([0.0, 1.5])),
-)
-_properties = st.lists(_reference | _literal, max_size=4).map(tuple)
+_properties = st.lists(_statements, max_size=4).map(tuple)
 _times = st.sampled_from([10.0, 30.0, 70.0])
-_finish = st.one_of(st.just(UNKNOWN), st.builds(lambda t: Interval(t, t + 5.0), _times))
-_fluent = st.builds(
-    lambda name, finish, properties: Fluent(
-        name, name.rstrip("01"), Interval(1.0, 2.0), finish, properties
-    ),
-    _name,
-    _finish,
-    _properties,
+_fluents = st.builds(
+    _fluent, _names, st.just(UNKNOWN) | st.builds(_soon_after, _times), _properties
 )
 _command = st.one_of(
-    st.builds(AssertFluent, _fluent, merge=st.just(True)),
-    st.builds(RefineFluent, _name, properties=_properties),
-    st.builds(EndFluent, _name, st.builds(lambda t: Interval(t, t), _times)),
-    st.builds(CorrectFluent, _fluent, st.just("measured again")),
+    st.builds(AssertFluent, _fluents, merge=st.just(True)),
+    st.builds(RefineFluent, _names, properties=_properties),
+    st.builds(EndFluent, _names, st.builds(Interval.at, _times)),
+    st.builds(CorrectFluent, _fluents, st.just("measured again")),
 )
 Step = tuple[list[Command] | int, bool]
 _step: st.SearchStrategy[Step] = st.tuples(

@@ -1,0 +1,135 @@
+"""A board in memory whose commits are told of when the test says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import pyoxigraph as ox
+import pytest
+
+from fluentboard.board.class_closure import use_class_closure
+from fluentboard.board.commands import Command, decide, name_of
+from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
+from fluentboard.board.store import QueryResults
+from fluentboard.board.subscriptions.changes import CommitChange
+from fluentboard.board.subscriptions.planner import plan
+from fluentboard.board.subscriptions.query import parse
+from fluentboard.board.subscriptions.schema import Schema
+from fluentboard.board.subscriptions.standing import Plan
+from fluentboard.board.triples import event_lines
+from fluentboard.board.vocabulary import Vocabulary, parse_statements
+from fluentboard.model.fluent import Fluent
+from fluentboard_ontology import PREFIXES
+
+ONTOLOGY = """
+@prefix rdfs: <http://www.w3.org/2000/01/rdf-schema#> .
+@prefix owl: <http://www.w3.org/2002/07/owl#> .
+@prefix upper: <https://w3id.org/fluentboard/upper#> .
+@prefix race: <https://w3id.org/fluentboard/race#> .
+upper:Area a owl:Class .
+race:FloorArea a owl:Class ; rdfs:subClassOf upper:Area .
+race:Kitchenware a owl:Class .
+race:Mug a owl:Class ; rdfs:subClassOf race:Kitchenware .
+race:Plate a owl:Class ; rdfs:subClassOf race:Kitchenware .
+race:Table a owl:Class .
+upper:Pose a owl:Class .
+upper:BBox a owl:Class .
+"""
+
+
+class FakeBoard:
+    """Applies commits at once, tells of them when asked to."""
+
+    def __init__(self) -> None:
+        self.vocabulary = Vocabulary()
+        self.questions: list[str] = []
+        self.before_next_query: Callable[[], None] | None = None
+        self._store = ox.Store()
+        self._journal: list[Commit] = []
+        self._untold: list[Commit] = []
+        self._fluents: dict[str, Fluent] = {}
+        self._listeners: list[Callable[[Sequence[Commit]], None]] = []
+        self.load(ONTOLOGY)
+
+    @property
+    def commit(self) -> int:
+        return len(self._journal)
+
+    def load(self, turtle: str) -> Commit:
+        """Replaces the ontology and tells of it."""
+        triples = parse_statements(turtle, "test")
+        self.vocabulary = Vocabulary(triples)
+        closure = "".join(f"{s} {p} {o} .\n" for s, p, o in self.vocabulary.closure())
+        text = "".join(f"{triple} .\n" for triple in triples)
+        self._store.update(
+            "DELETE { ?c ?p ?d } WHERE { ?c ?p ?d "
+            "FILTER(STRSTARTS(STR(?p), 'https://w3id.org/fluentboard/board#')) }"
+        )
+        self._store.load((text + closure).encode(), format=ox.RdfFormat.N_TRIPLES)
+        change = StatementsChanged("", text, "", "test", "digest")
+        return self._commit(Commit(self.commit + 1, 1.0, "test", statements=(change,)), tell=True)
+
+    def write(self, *commands: Command, tell: bool = True) -> Commit:
+        """Executes a batch."""
+        events: list[FluentEvent] = []
+        for command in commands:
+            event = decide(command, self._fluents.get(name_of(command)))
+            if event is not None:
+                events.append(event)
+                self._fluents[name_of(command)] = event.after
+                added, removed = event_lines(event, self.vocabulary)
+                self._store.update(
+                    f"DELETE DATA {{ {''.join(removed)} }} ; INSERT DATA {{ {''.join(added)} }}"
+                )
+        return self._commit(Commit(self.commit + 1, 1.0, "test", tuple(events)), tell=tell)
+
+    def tell(self) -> None:
+        """Tells of all commits not told of yet."""
+        told, self._untold = self._untold, []
+        if told:
+            for listener in self._listeners:
+                listener(told)
+
+    def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
+        if self.before_next_query is not None:
+            action, self.before_next_query = self.before_next_query, None
+            action()
+        self.questions.append(sparql)
+        text = use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
+        return self.commit, self._store.query(text, prefixes=dict(PREFIXES))
+
+    def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
+        yield from self._journal[after:up_to]
+
+    def listen(self, callback: Callable[[Sequence[Commit]], None]) -> Callable[[], None]:
+        self._listeners.append(callback)
+        return lambda: self._listeners.remove(callback)
+
+    def _commit(self, commit: Commit, *, tell: bool) -> Commit:
+        self._journal.append(commit)
+        self._untold.append(commit)
+        if tell:
+            self.tell()
+        return commit
+
+
+@pytest.fixture
+def board() -> FakeBoard:
+    return FakeBoard()
+
+
+@pytest.fixture(scope="session")
+def schema() -> Schema:
+    return Schema(Vocabulary(parse_statements(ONTOLOGY, "test")))
+
+
+@pytest.fixture
+def plan_of(schema: Schema) -> Callable[[str], Plan]:
+    """The plan of a query text."""
+    return lambda text: plan(parse(text), schema)
+
+
+@pytest.fixture
+def change_of(board: FakeBoard) -> Callable[..., CommitChange]:
+    """What the commit of some commands changes."""
+    return lambda *commands: CommitChange(board.write(*commands), board.vocabulary)
