@@ -100,8 +100,9 @@ class Result:
         media_type: of the text.
         text: the serialised result, or None if it is so long that it waits in the sink's file.
         sink: where it was written; None if it was known already.
-        commit: the commit it is exact at.
+        commit: the commit it is exact at, or that it has at least.
         at_s: the time it is exact at, in seconds; None for all times.
+        is_exact: no later commit is in it.
     """
 
     media_type: str
@@ -109,6 +110,7 @@ class Result:
     sink: ResultSink | None
     commit: int
     at_s: float | None = None
+    is_exact: bool = True
 
 
 class Evaluator:
@@ -162,7 +164,7 @@ class Evaluator:
         if known is not None and question.at is None and question.as_of is None:
             return Result(known.media_type, known.text, None, commit)
         result = await self._evaluated(question, commit)
-        if result.text is not None and question.is_timeless:
+        if result.text is not None and result.is_exact and question.is_timeless:
             self._cache.put(result.commit, key, Cached(result.media_type, result.text))
         return result
 
@@ -212,7 +214,7 @@ class Evaluator:
             default_graphs=_graphs(question.default_graphs) if has_dataset else None,
             named_graphs=_graphs(question.named_graphs) if has_dataset else None,
         )
-        commit, at_s = timed.commit, timed.at_s
+        commit, at_s, is_exact = timed.commit, timed.at_s, timed.is_exact
         results: QueryResults | None = timed.results
         del timed
         try:
@@ -221,7 +223,7 @@ class Evaluator:
             # Oxigraph's iterators must die in the thread that made them, but the traceback of an
             # error would take this one along to the event loop.
             results = None
-        return Result(media_type, sink.text, sink, commit, at_s)
+        return Result(media_type, sink.text, sink, commit, at_s, is_exact)
 
 
 def written(

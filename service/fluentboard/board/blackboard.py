@@ -297,13 +297,13 @@ class Blackboard:
             perspective = Perspective(at, as_of, certainty)
             return self._views.query(sparql, perspective, default_graphs, named_graphs)
         self._projector.wait_for(self.commit)
-        commit, results = self._projections.store.snapshot_query(
+        commit, is_exact, results = self._projections.store.marked_query(
             self._rewritten(sparql) if default_graphs is None else sparql,
             functions_at=functions_for(sparql, self._projections.index, self.clock),
             default_graphs=default_graphs,
             named_graphs=named_graphs,
         )
-        return TimedResults(results, commit)
+        return TimedResults(results, commit, is_exact=is_exact)
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
         """The results of a query, with the number of the commit that they are exact at.

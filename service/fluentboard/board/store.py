@@ -6,6 +6,7 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -21,6 +22,10 @@ from fluentboard_ontology import FB, PREFIXES
 QueryResults = ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean
 GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
 
+FunctionsAt = Callable[[int], Mapping[ox.NamedNode, Any]]
+
+_ATTEMPTS = 4
+_PATIENCE_S = 0.02
 _PREFIXES = dict(PREFIXES)
 _META = ox.NamedNode(FB + "meta")
 SAID = ox.NamedNode(FB + "said")
@@ -218,11 +223,7 @@ class EmbeddedStore:
             raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
 
     def snapshot_query(
-        self,
-        sparql: str,
-        *,
-        functions_at: Callable[[int], Mapping[ox.NamedNode, Any]] | None = None,
-        **options: Any,
+        self, sparql: str, *, functions_at: FunctionsAt | None = None, **options: Any
     ) -> tuple[int, QueryResults]:
         """The results of a query, with the number of the commit they are exact at.
 
@@ -231,21 +232,40 @@ class EmbeddedStore:
             functions_at: gives the extension functions for a query of that commit.
             options: as for `query`.
         """
-
-        def ask(commit: int) -> QueryResults:
-            if functions_at is None:
-                return self.query(sparql, **options)
-            return self.query(sparql, custom_functions=dict(functions_at(commit)), **options)
-
-        for _ in range(4):
-            sequence = self._sequence
-            if sequence % 2 == 0:
-                commit = self._applied
-                results = ask(commit)
-                if self._sequence == sequence:
-                    return commit, results
+        for _ in range(_ATTEMPTS):
+            commit, is_exact, results = self._attempt(sparql, functions_at, options)
+            if is_exact:
+                return commit, results
         with self._applying:
-            return self._applied, ask(self._applied)
+            commit, _, results = self._attempt(sparql, functions_at, options)
+            return commit, results
+
+    def marked_query(
+        self, sparql: str, *, functions_at: FunctionsAt | None = None, **options: Any
+    ) -> tuple[int, bool, QueryResults]:
+        """The results of a query, with a commit, and whether they are exact at it.
+
+        Results that are not have some later commits too. That happens only where a query took so
+        long that to repeat it, or to keep commits out meanwhile, would do harm.
+        """
+        for _ in range(_ATTEMPTS):
+            began_s = time.monotonic()
+            commit, is_exact, results = self._attempt(sparql, functions_at, options)
+            if is_exact or time.monotonic() - began_s > _PATIENCE_S:
+                return commit, is_exact, results
+        with self._applying:
+            commit, _, results = self._attempt(sparql, functions_at, options)
+            return commit, True, results
+
+    def _attempt(
+        self, sparql: str, functions_at: FunctionsAt | None, options: Mapping[str, Any]
+    ) -> tuple[int, bool, QueryResults]:
+        sequence, commit = self._sequence, self._applied
+        if functions_at is None:
+            results = self.query(sparql, **options)
+        else:
+            results = self.query(sparql, custom_functions=dict(functions_at(commit)), **options)
+        return commit, sequence % 2 == 0 and self._sequence == sequence, results
 
     def subjects(
         self, predicate: str, value: ox.NamedNode | ox.Literal | None = None, *, limit: int

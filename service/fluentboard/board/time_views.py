@@ -39,12 +39,15 @@ class TimedResults:
         commit: what was believed after this commit.
         at_s: what holds at this time, in seconds; None for all times.
         next_change_s: when the clock alone may change the results; infinite if it does not.
+        is_exact: no later commit is in the results. They may be inexact where a long query over
+            the whole history met with commits.
     """
 
     results: QueryResults
     commit: int
     at_s: float | None = None
     next_change_s: float = math.inf
+    is_exact: bool = True
 
 
 class TimeViews:
