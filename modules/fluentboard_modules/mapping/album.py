@@ -23,6 +23,11 @@ class Album:
         self._keep_every = 1
 
     @property
+    def frames(self) -> Sequence[SensorFrame]:
+        """The frames kept, in order."""
+        return self._frames
+
+    @property
     def path_map(self) -> FloatArray:
         """`(n, 3)`; where the camera was, in order."""
         return np.array(self._positions).reshape(-1, 3)
