@@ -156,8 +156,8 @@ def find_floor(
     member = np.abs(heights - peak_m) <= thickness_m
     for _ in range(5):  # a slope brings in distant parts, which sharpen the slope
         middle = np.average(centres[member, :2], axis=0, weights=weights[member])
-        plane = _fit_slope(
-            centres[member] - [*middle, 0.0], weights[member], thickness_m, likely_slope
+        plane = fit_slope(
+            centres[member] - [*middle, 0.0], weights[member], 0.4 * thickness_m, likely_slope
         )
         level = plane[0] + (centres[:, :2] - middle) @ plane[1:]
         member = np.abs(heights - level) <= thickness_m
@@ -179,10 +179,17 @@ def find_floor(
     )
 
 
-def _fit_slope(
+def fit_slope(
     points: FloatArray, weights: FloatArray, sigma_m: float, likely_slope: float
 ) -> FloatArray:
-    """`(3,)`; height and slopes along x and y, least squares with level as the prior."""
+    """`(3,)`; height at the origin and slopes along x and y: least squares, level is the prior.
+
+    Args:
+        points: `(n, 3)`; on the surface.
+        weights: `(n,)`; how much each counts compared with the others.
+        sigma_m: standard deviation of their heights.
+        likely_slope: standard deviation of the slopes before anything is seen.
+    """
     design = np.column_stack([np.ones(len(points)), points[:, :2]])
     # Each surface is one measurement: its weight only says how it compares with the others.
     share = weights / max(float(weights.mean()), 1e-12)

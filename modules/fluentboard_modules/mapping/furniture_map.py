@@ -13,11 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fluentboard.model.geometry import Plane
-from fluentboard_modules.frames.gravity import find_floor
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
-from fluentboard_modules.mapping.floor import level_surfaces
+from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_item import (
     FurnitureChange,
     FurnitureItem,
@@ -133,7 +131,7 @@ class FurnitureMap:
             identifiers,
             regions,
             self._rules.classify(
-                regions, floor=_floor_plane(regions, self._config.floor_reach_m), explain=explain
+                regions, floor=sloping_floor(regions, self._config.floor_reach_m), explain=explain
             ),
         )
 
@@ -375,18 +373,3 @@ def _support(planes: tuple[FurniturePlane, ...]) -> int:
     for plane in planes:
         best[plane.label] = max(best.get(plane.label, 0), plane.n_frames)
     return min(best.values())
-
-
-def _floor_plane(regions: list[PlanarRegion], reach_m: float) -> Plane | None:
-    """The floor with its slope: gravity a degree off is 5 cm at the other end of a room.
-
-    The map frame has its floor at z = 0; what is further from there is something else.
-    """
-    low = [region for region in regions if abs(region.height_m) <= reach_m]
-    floor = find_floor([level_surfaces(low)])
-    if floor is None or floor.n_frames == 0:
-        return None
-    normal = np.array([-floor.slope_x, -floor.slope_y, 1.0])
-    normal /= np.linalg.norm(normal)
-    point = np.array([floor.anchor[0], floor.anchor[1], floor.height_m])
-    return Plane(normal, float(normal @ point))
