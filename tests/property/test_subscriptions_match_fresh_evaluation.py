@@ -257,12 +257,15 @@ class Witness:
     def perform(self, step: list[Command] | int) -> None:
         """Carries out a step, and notes the answers; a refused batch changes nothing."""
         if isinstance(step, int):
-            self._file.write_text(CHANGES_OF_ONTOLOGY[step], encoding="utf-8")
-            self.board.load_ontologies([self._file])
+            self.change_ontology(step)
         else:
             with contextlib.suppress(IntervalReversed, NotARefinement, UnknownFluent):
                 self.board.execute(step, "test")
         self.note()
+
+    def change_ontology(self, number: int) -> None:
+        self._file.write_text(CHANGES_OF_ONTOLOGY[number], encoding="utf-8")
+        self.board.load_ontologies([self._file])
 
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         with self._told:
@@ -397,3 +400,32 @@ def follow_until(
         assert registry.wait_until(0, 20.0)
     assert state is not None
     return state, commit
+
+
+@settings(max_examples=4, phases=(Phase.explicit, Phase.generate))
+@given(first_tier=st.sampled_from([1, 3, 4]), steps=st.lists(_step, min_size=20, max_size=30))
+def test_writers_that_do_not_wait_lead_to_the_same_result(
+    folder: Path, first_tier: int, steps: list[Step]
+) -> None:
+    with witnessed(folder, first_tier=first_tier) as (witness, registry):
+        opened = {name: registry.open(text, "both") for name, text in QUERIES.items()}
+        for commands, _ in steps:
+            if isinstance(commands, int):
+                witness.change_ontology(commands)
+            else:
+                witness.board.submit(commands, "test")
+        witness.perform([AssertFluent(Fluent("Pose8", "Pose"))])
+        last = witness.board.commit
+        assert registry.wait_until(last, 20.0)
+        for name, subscription in opened.items():
+            state: Bag = {}
+            seen = 0
+            for message in subscription.poll():
+                if isinstance(message, Snapshot):
+                    state = dict(message.answer.bag)
+                else:
+                    assert isinstance(message, Delta)
+                    assert message.since >= seen
+                    assert apply(state, message.change.difference), name
+                seen = message.commit
+            assert state == witness.truth[name][last], name

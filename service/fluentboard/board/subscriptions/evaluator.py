@@ -259,7 +259,12 @@ class Evaluator:
 
     def _ask(self, standing: StandingQuery, text: str) -> tuple[int, Bag]:
         try:
-            return evaluate(self._board, text, relabel=standing.query.makes_blank_nodes)
+            return evaluate(
+                self._board,
+                text,
+                relabel=standing.query.makes_blank_nodes,
+                limit=self._settings.result_solutions,
+            )
         except FluentboardError:
             raise
         except Exception as problem:

@@ -68,14 +68,17 @@ class Reevaluation:
         return solutions
 
 
-def evaluate(board: Board, text: str, *, relabel: bool = False) -> tuple[int, Bag]:
+def evaluate(
+    board: Board, text: str, *, relabel: bool = False, limit: int | None = None
+) -> tuple[int, Bag]:
     """The present answer to a query, and the commit it is exact at.
 
     Raises:
+        TooLarge: it has more solutions than `limit`.
         InvalidQuery: the store cannot evaluate it, for example for an unknown function.
     """
     try:
         commit, results = board.snapshot_query(text)
-        return commit, bag_of(results, relabel=relabel)
+        return commit, bag_of(results, relabel=relabel, limit=limit)
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None

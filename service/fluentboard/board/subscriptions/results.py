@@ -11,12 +11,14 @@ import hashlib
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
+from typing import Any, cast
 
 import pyoxigraph as ox
 
 from fluentboard.board.store import QueryResults
 from fluentboard.board.triples import fluent_name
+from fluentboard.errors import TooLarge
 
 Term = ox.NamedNode | ox.BlankNode | ox.Literal | ox.Triple
 Solution = tuple[Term | None, ...]
@@ -48,23 +50,36 @@ class Difference:
 NO_DIFFERENCE = Difference({}, {})
 
 
-def bag_of(results: QueryResults, *, relabel: bool = False) -> Bag:
+def bag_of(results: QueryResults, *, relabel: bool = False, limit: int | None = None) -> Bag:
     """The bag of a query's results; consumes them.
 
     Args:
         results: what the store answered.
         relabel: the query makes blank nodes, whose labels differ at each evaluation: name them
             after what is said about them instead.
+        limit: how many solutions to take at most.
+
+    Raises:
+        TooLarge: there are more.
     """
     if isinstance(results, ox.QueryBoolean):
         return {(): 1} if results else {}
+    some = results if limit is None else islice(results, limit + 1)
     if isinstance(results, ox.QueryTriples):
-        rows: Iterable[Solution] = {(t.subject, t.predicate, t.object) for t in results}
+        triples = cast("Iterable[ox.Triple]", some)
+        rows: Iterable[Solution] = {(t.subject, t.predicate, t.object) for t in triples}
     else:
-        rows = map(tuple, results)
+        rows = map(tuple, cast("Iterable[ox.QuerySolution]", some))
     if relabel:
         rows = _with_stable_labels(list(rows))
-    return dict(Counter(rows))
+    bag = dict(Counter(rows))
+    if limit is not None and sum(bag.values()) > limit:
+        raise TooLarge(
+            f"the result has more than {limit} solutions, which is more than a standing query may "
+            "have; narrow the query, or count instead of listing",
+            limit=limit,
+        )
+    return bag
 
 
 def difference(before: Mapping[Solution, int], after: Mapping[Solution, int]) -> Difference:

@@ -20,6 +20,9 @@ class SubscriptionSettings(BaseModel):
         ge=1,
         description="solutions in the deltas that wait for one subscriber, likewise",
     )
+    result_solutions: int = Field(
+        default=1_000_000, ge=1, description="largest result that a standing query may have"
+    )
     ring_deltas: int = Field(
         default=1_000,
         ge=1,

@@ -16,6 +16,7 @@ from fluentboard.board.subscriptions.results import (
     term_to_json,
 )
 from fluentboard.board.subscriptions.terms import term_of
+from fluentboard.errors import TooLarge
 from fluentboard_ontology import FLUENT
 
 A, B, C = (ox.Literal(name) for name in "abc")
@@ -36,6 +37,14 @@ def test_solutions_are_counted() -> None:
 def test_unbound_variables_are_none() -> None:
     results = store("<urn:1> <urn:p> 1 .").query("SELECT ?x { ?s <urn:p> ?o }")
     assert bag_of(results) == {(None,): 1}
+
+
+def test_result_over_the_limit_is_refused() -> None:
+    board = store("<urn:1> <urn:p> 1 . <urn:2> <urn:p> 1 .")
+    query = "SELECT ?o { ?s <urn:p> ?o }"
+    assert bag_of(board.query(query), limit=2)
+    with pytest.raises(TooLarge, match="more than 1 solutions"):
+        bag_of(board.query(query), limit=1)
 
 
 def test_ask_is_one_empty_solution_or_none() -> None:
