@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, field_validator
 from pydantic.fields import FieldInfo
 
+from fluentboard.board.frame_settings import FrameSettings
 from fluentboard.board.subscriptions.settings import (
     SubscriptionSettings as StandingQuerySettings,
 )
@@ -149,6 +150,10 @@ class SecuritySettings(_Section):
     service_endpoints: tuple[str, ...] = Field(
         default=(), description="IRIs of the SPARQL endpoints that queries may ask with SERVICE."
     )
+    load_hosts: tuple[str, ...] = Field(
+        default=(),
+        description="Hosts from which the SPARQL operation LOAD may fetch documents.",
+    )
     cors_origins: tuple[str, ...] = Field(
         default=(),
         description="Web origins whose pages may use the board, such as https://example.org.",
@@ -186,6 +191,7 @@ class Settings(_Section):
     storage: StorageSettings = StorageSettings()
     limits: LimitSettings = LimitSettings()
     subscriptions: SubscriptionSettings = SubscriptionSettings()
+    frames: FrameSettings = FrameSettings()
     security: SecuritySettings = SecuritySettings()
     log: LogSettings = LogSettings()
 

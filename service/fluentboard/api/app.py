@@ -16,7 +16,9 @@ from fluentboard.api.edge import Edge
 from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Receive, Scope, Send
 from fluentboard.api.fluents import FluentRoutes
+from fluentboard.api.frames import FrameRoutes
 from fluentboard.api.live import LiveRoutes
+from fluentboard.api.loading import reader_for
 from fluentboard.api.metrics import Metrics
 from fluentboard.api.openapi import openapi_document
 from fluentboard.api.operations import Operation, Router, no_such_path
@@ -25,6 +27,7 @@ from fluentboard.api.security import Guard
 from fluentboard.api.sparql import SparqlRoutes
 from fluentboard.api.system import SystemRoutes
 from fluentboard.api.transfer import TransferRoutes
+from fluentboard.api.updating import Updater
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.config import Settings
@@ -39,6 +42,7 @@ class BoardApp(FastAPI):
         guard: admits callers.
         metrics: counts requests.
         live: the WebSockets; whoever runs the app closes them before it stops.
+        frames: requests that wait for a frame, likewise.
     """
 
     def __init__(
@@ -47,6 +51,7 @@ class BoardApp(FastAPI):
         guard: Guard,
         metrics: Metrics,
         live: LiveRoutes,
+        frames: FrameRoutes,
         **options: Any,
     ) -> None:
         super().__init__(
@@ -60,6 +65,7 @@ class BoardApp(FastAPI):
         self.guard = guard
         self.metrics = metrics
         self.live = live
+        self.frames = frames
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)
         self._is_open = guard.is_open
@@ -104,14 +110,19 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     guard = Guard(settings)
     metrics = Metrics()
     evaluator = Evaluator(blackboard, settings.limits, settings.security.service_endpoints)
+    read = reader_for(settings.security.load_hosts, settings.limits.body_max_bytes)
+    updater = Updater(blackboard, settings.limits, guard, read)
     registry = SubscriptionRegistry(blackboard, settings.subscriptions)
     live = LiveRoutes(registry, guard, settings.subscriptions)
+    data = settings.storage.data
+    frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
     system = SystemRoutes(blackboard)
     operations = [
-        *SparqlRoutes(blackboard, evaluator, settings.limits).operations(),
+        *SparqlRoutes(blackboard, evaluator, updater, settings.limits).operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),
+        *frames.operations(),
         *system.operations(),
         *metrics.operations(),
     ]
@@ -120,17 +131,22 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     metrics.gauge("fluents", "Fluents on the board.", lambda: len(blackboard))
     metrics.gauge("websockets", "Open WebSockets.", lambda: live.connections)
     metrics.gauge("subscriptions", "Open subscriptions.", lambda: live.subscriptions)
+    metrics.gauge("frame_bytes", "Size of the live frames kept.", lambda: frames.size_bytes)
     metrics.gauge("queries_running", "Queries being evaluated.", lambda: evaluator.running)
+    metrics.counter("frames_dropped", "Frames that made room.", lambda: frames.dropped)
     metrics.counter("query_timeouts", "Queries that took too long.", lambda: evaluator.timeouts)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncGenerator[None]:
         yield
+        frames.wake()
         await live.close()
+        frames.close()
         registry.close()
+        updater.close()
         evaluator.close()
 
-    app = BoardApp(operations, guard, metrics, live, lifespan=lifespan)
+    app = BoardApp(operations, guard, metrics, live, frames, lifespan=lifespan)
     app.add_exception_handler(HTTPException, _http_problem)
     app.add_exception_handler(Exception, _unforeseen_problem)
     return app

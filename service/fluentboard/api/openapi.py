@@ -24,6 +24,7 @@ _TAGS = {
     "sparql": "The SPARQL 1.1 protocol.",
     "transfer": "Everything in, everything out.",
     "live": "Queries that tell what changes.",
+    "frames": "Images of sensors on their way to the workers; they never become fluents.",
     "vocabulary": "What the loaded ontologies declare.",
     "operation": "Running the service.",
 }

@@ -220,6 +220,33 @@ class ImportReceipt(_Schema):
     warnings: list[str] = Field(description="At most 100 of them.")
 
 
+class FrameReceipt(_Schema):
+    """A live frame that is kept."""
+
+    sensor: str = Field(description="Which sent it.")
+    index: int = Field(description="Its number among all frames of the sensor.")
+    stamp_s: float = Field(description="When it was taken, in seconds.")
+    bytes: int = Field(description="Its size.")
+    dropped: int = Field(default=0, description="Older frames that made room for it.")
+
+
+class SensorJson(_Schema):
+    """A sensor that sends frames."""
+
+    sensor: str = Field(description="Its name.")
+    frames: int = Field(description="How many are kept.")
+    bytes: int = Field(description="Size of all of them.")
+    oldest: int = Field(description="Number of the first one kept.")
+    newest: int = Field(description="Number of the last one sent.")
+    stamp_s: float = Field(description="When the newest was taken, in seconds.")
+
+
+class Sensors(_Schema):
+    """All sensors of which frames are kept."""
+
+    sensors: list[SensorJson]
+
+
 class ClassJson(_Schema):
     """A class of the loaded ontologies."""
 
