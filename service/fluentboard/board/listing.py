@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fluentboard.board.intervals import FluentFilter
+from fluentboard.board.intervals import FluentFilter, IntArray
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Projector
 from fluentboard.board.triples import fluent_name, is_written, terms_written
@@ -54,12 +54,13 @@ class Listing:
         rows = index.rows(replace(wanted, as_of=as_of), self._class_test(wanted))
         rows = rows[np.searchsorted(rows, after) :]
         candidates = self._candidates(wanted, as_of)
+        if candidates is not None and rows.size:
+            place = np.minimum(np.searchsorted(rows, candidates), rows.size - 1)
+            rows = candidates[rows[place] == candidates]
         found: list[Fluent] = []
         for start in range(0, rows.size, _ROWS_AT_ONCE):
             for row in rows[start : start + _ROWS_AT_ONCE].tolist():
                 name = index.name(row)
-                if candidates is not None and name not in candidates:
-                    continue
                 if len(found) == limit and wanted.property_name is None:
                     return Page(tuple(found), row, as_of)
                 fluent = self._projections.fluent(name, as_of)
@@ -77,8 +78,11 @@ class Listing:
         values, text = fluent.values(name), wanted.property_value
         return bool(values) if text is None else any(is_written(v, text) for v in values)
 
-    def _candidates(self, wanted: FluentFilter, as_of: int) -> set[str] | None:
-        """Names of the fluents that may have the wanted property; None if that would be many."""
+    def _candidates(self, wanted: FluentFilter, as_of: int) -> IntArray | None:
+        """Rows of the fluents that may have the wanted property; None if that would be many.
+
+        Increasing.
+        """
         if wanted.property_name is None:
             return None
         self._projector.wait_for(as_of)
@@ -91,7 +95,8 @@ class Listing:
             if len(subjects) == _CANDIDATES_MAX:
                 return None
             found.update(name for name in map(fluent_name, subjects) if name is not None)
-        return found
+        rows = (self._projections.index.row(name) for name in found)
+        return np.array(sorted(row for row in rows if row is not None), dtype=np.int64)
 
     def _class_test(self, wanted: FluentFilter) -> Callable[[str], bool]:
         if wanted.class_name is None:
