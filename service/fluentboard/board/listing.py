@@ -15,7 +15,7 @@ from fluentboard.model.fluent import Fluent
 
 _ROWS_AT_ONCE = 1_000
 # Beyond this many, it is quicker to look whether a fluent has the property than who has it.
-_CANDIDATES_MAX = 10_000
+_CANDIDATES_MAX = 5_000
 
 
 @dataclass(frozen=True, slots=True)
