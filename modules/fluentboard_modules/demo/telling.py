@@ -31,7 +31,8 @@ SELECT ?thing ?class ?x ?y WHERE {
 QUESTION = """\
 SELECT ?area ?of ?height ?length ?width WHERE {
   ?area a race:PlacingArea ; race:isAreaOf ?of ; upper:hasBoundingBox ?box .
-  ?box upper:hasXSize ?length ; upper:hasYSize ?width ; upper:hasPose/upper:hasZ ?height .
+  ?box upper:hasXSize ?length ; upper:hasYSize ?width ;
+       upper:hasPose/upper:hasZ ?height .
 } ORDER BY ?area"""
 """Where something can be put down; asked for the present, so that ended boxes are not seen."""
 
