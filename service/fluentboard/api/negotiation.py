@@ -63,6 +63,15 @@ def negotiated(accept: str | None, offers: tuple[Offer, ...]) -> Offer:
     return best
 
 
+def content_type(media_type: str) -> bytes:
+    """The value of Content-Type; text is UTF-8, which some clients believe only when told."""
+    return (
+        f"{media_type}; charset=utf-8".encode()
+        if media_type[:5] == "text/"
+        else media_type.encode()
+    )
+
+
 def _quality(media_type: str, ranges: Sequence[_Range]) -> float:
     main, _, sub = media_type.partition("/")
     # The most specific range decides: `*/*;q=1, text/csv;q=0` excludes CSV.

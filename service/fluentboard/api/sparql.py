@@ -13,25 +13,39 @@ from fluentboard.api.evaluation import (
     SOLUTION_OFFERS,
     Evaluator,
     Question,
+    Result,
 )
-from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, form_values, utf8_text
-from fluentboard.api.negotiation import negotiated
+from fluentboard.api.exchange import (
+    Call,
+    HeaderList,
+    Reply,
+    StreamedReply,
+    form_values,
+    json_reply,
+    utf8_text,
+)
+from fluentboard.api.negotiation import content_type, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.service_description import DESCRIPTION_PREFIXES, service_description
+from fluentboard.api.updating import Updater
 from fluentboard.api.writing import commit_header
 from fluentboard.board.blackboard import Blackboard
-from fluentboard.board.time_functions import FUNCTIONS
+from fluentboard.board.events import Commit
+from fluentboard.board.statement_rules import ClassInUse, ProtectedStatement
 from fluentboard.config import LimitSettings
 from fluentboard.errors import (
     FluentsAreReadOnly,
     InvalidInput,
     InvalidQuery,
     NotAcceptable,
+    NotAllowed,
     QueryTimeout,
     StorageFailed,
     TooLarge,
+    UnknownResource,
     UnsupportedMediaType,
 )
-from fluentboard_ontology import FB, PREFIXES
+from fluentboard_ontology import PREFIXES
 
 _FORM = "application/x-www-form-urlencoded"
 _DIRECT = "application/sparql-query"
@@ -42,22 +56,9 @@ _CONTEXT = 30
 _EXPECTED_MAX = 8
 
 _POSITION = re.compile(r"error at (\d+):(\d+)")
+_CHARSET = re.compile(r";\s*charset=\"?([^\s\";]+)", re.IGNORECASE)
 
-_SD = "http://www.w3.org/ns/sparql-service-description#"
-_FORMATS = "http://www.w3.org/ns/formats/"
-_DESCRIBED_FORMATS = (
-    "SPARQL_Results_JSON",
-    "SPARQL_Results_XML",
-    "SPARQL_Results_CSV",
-    "SPARQL_Results_TSV",
-    "Turtle",
-    "N-Triples",
-    "JSON-LD",
-    "RDF_XML",
-    "TriG",
-    "N-Quads",
-    "N3",
-)
+_RELATIVE_IRI = re.compile(r"<(?![A-Za-z][A-Za-z0-9+.-]*:)[^<>\"{}|^`\\\x00-\x20]*>")
 
 
 class SparqlRoutes:
@@ -66,75 +67,84 @@ class SparqlRoutes:
     Args:
         board: what is asked.
         evaluator: answers queries.
+        updater: carries out updates.
         limits: on the length of a request.
     """
 
-    def __init__(self, board: Blackboard, evaluator: Evaluator, limits: LimitSettings) -> None:
+    def __init__(
+        self, board: Blackboard, evaluator: Evaluator, updater: Updater, limits: LimitSettings
+    ) -> None:
         self._board = board
         self._evaluator = evaluator
+        self._updater = updater
         self._limits = limits
 
     async def get(self, call: Call) -> Reply | StreamedReply:
         """`GET /sparql`: a query, or without one the service description."""
         values = call.parameters()
         if "update" in values:
-            raise _read_only()
+            raise InvalidQuery("an update is sent by POST, so that no link or cache repeats it")
         if "query" not in values:
-            return _description(call)
-        return await self._answer(self._question(values, call.header(b"accept")))
+            return self._description(call)
+        return await self._answer(call, values)
 
     async def post(self, call: Call) -> Reply | StreamedReply:
-        """`POST /sparql`: a query as a form, or as the body itself."""
-        media_type = call.media_type
-        values = call.parameters()
-        if media_type == _FORM:
-            body = await call.body(self._limits.body_max_bytes)
-            for name, found in form_values(body, "the form").items():
-                values.setdefault(name, []).extend(found)
-        elif media_type == _DIRECT:
-            body = await call.body(self._limits.body_max_bytes)
-            values["query"] = [utf8_text(body, "the query")]
-        elif media_type == _UPDATE:
-            raise _read_only()
-        else:
-            raise UnsupportedMediaType(
-                f"a query is sent as {_FORM} or {_DIRECT}, not as {media_type or 'untyped bytes'}",
-                accepted=[_FORM, _DIRECT],
-            )
+        """`POST /sparql`: a query or an update, as a form or as the body itself."""
+        values = await posted_values(call, self._limits.body_max_bytes)
         if "update" in values:
-            raise _read_only()
-        return await self._answer(self._question(values, call.header(b"accept")))
+            return await self._update(call, values)
+        return await self._answer(call, values)
 
-    def _question(self, values: parameters.Values, accept: str | None) -> Question:
+    async def _update(self, call: Call, values: parameters.Values) -> Reply:
+        self._updater.admit(call)
+        texts = values["update"]
+        if len(texts) != 1 or "query" in values:
+            raise InvalidQuery(
+                f"the request has {len(texts)} updates and {len(values.get('query', ()))} queries; "
+                "send one update, as the form field `update` or as the body"
+            )
+        try:
+            commit = await self._updater.update(
+                call,
+                texts[0],
+                own_address(call),
+                values.get("using-graph-uri", ()),
+                values.get("using-named-graph-uri", ()),
+            )
+        except InvalidQuery as problem:
+            raise _located(problem, texts[0]) from None
+        return json_reply(update_receipt(commit), 200, [commit_header(commit.number)])
+
+    def _description(self, call: Call) -> Reply:
+        media_type, form = negotiated(call.header(b"accept"), GRAPH_OFFERS)
+        triples = service_description(self._board, own_address(call))
+        text = ox.serialize(triples, format=form, prefixes=DESCRIPTION_PREFIXES)
+        assert text is not None
+        return Reply(text, content_type(media_type), 200, [_VARY])
+
+    async def _answer(self, call: Call, values: parameters.Values) -> Reply | StreamedReply:
         queries = values.get("query", ())
         if len(queries) != 1:
             raise InvalidQuery(
                 f"the request has {len(queries)} queries; send one, as the parameter `query` or as "
                 "the body"
             )
-        return Question(
-            queries[0],
-            accept,
+        (text,) = queries
+        base = f"BASE <{own_address(call)}> " if _RELATIVE_IRI.search(text) else ""
+        question = Question(
+            base + text,
+            call.header(b"accept"),
             tuple(values.get("default-graph-uri", ())),
             tuple(values.get("named-graph-uri", ())),
             parameters.time_or_now(values, "at"),
             parameters.as_of(values, self._board),
             parameters.certainty(values),
         )
-
-    async def _answer(self, question: Question) -> Reply | StreamedReply:
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:
-            raise _located(problem, question.text) from None
-        headers: HeaderList = [_VARY, commit_header(result.commit)]
-        if result.at_s is not None:
-            headers.append((b"x-at", repr(result.at_s).encode()))
-        if result.text is not None:
-            return Reply(result.text, result.media_type.encode(), 200, headers)
-        sink = result.sink
-        assert sink is not None, "a result that is not in memory is in a file"
-        return StreamedReply(sink.chunks(), result.media_type.encode(), sink.size, headers)
+            raise _located(problem, text, len(base)) from None
+        return result_reply(result)
 
     def operations(self) -> list[Operation]:
         """The routes, documented."""
@@ -162,10 +172,17 @@ class SparqlRoutes:
             InvalidQuery,
             InvalidInput,
             NotAcceptable,
-            FluentsAreReadOnly,
             TooLarge,
             QueryTimeout,
             StorageFailed,
+        )
+        update_errors = (
+            UnsupportedMediaType,
+            FluentsAreReadOnly,
+            ProtectedStatement,
+            ClassInUse,
+            UnknownResource,
+            NotAllowed,
         )
         text = {"type": "string"}
         form = {
@@ -174,9 +191,12 @@ class SparqlRoutes:
                 "query": text,
                 "default-graph-uri": {"type": "array", "items": text},
                 "named-graph-uri": {"type": "array", "items": text},
+                "update": text,
+                "using-graph-uri": {"type": "array", "items": text},
+                "using-named-graph-uri": {"type": "array", "items": text},
             },
-            "required": ["query"],
         }
+        receipt = {"commit": 12, "added": 1, "removed": 0}
         return [
             Operation(
                 "GET",
@@ -196,23 +216,99 @@ class SparqlRoutes:
                 "/sparql",
                 self.post,
                 "queryByPost",
-                "Ask a SPARQL query that is too long for an address",
-                description,
+                "Ask a SPARQL query, or carry out a SPARQL update",
+                _UPDATES + description,
                 tag="sparql",
-                parameters=(*_DATASET, *_TIMES),
+                parameters=(*_DATASET, *_USING, *_TIMES),
                 body={
                     _FORM: Content(form, {"query": example}),
                     _DIRECT: Content(text, example),
+                    _UPDATE: Content(
+                        text, "INSERT DATA { GRAPH <urn:notes> { <urn:a> a <urn:b> } }"
+                    ),
                 },
-                body_description="The query, as a form field or as the body itself.",
-                answers={200: answer},
-                errors=(*errors, UnsupportedMediaType),
+                body_description="The query or update, as a form field or as the body itself.",
+                answers={
+                    200: Answer(
+                        "The result, in the format that Accept asks for; of an update, how many "
+                        "statements came and went.",
+                        {
+                            **answer.content,
+                            "application/json": Content({"type": "object"}, receipt),
+                        },
+                        answer.headers,
+                    )
+                },
+                errors=(*errors, *update_errors),
                 is_strict=False,
             ),
         ]
 
 
 _VARY = (b"vary", b"Accept")
+
+
+async def posted_values(call: Call, body_max_bytes: int) -> dict[str, list[str]]:
+    """The parameters of a SPARQL request by POST; a body that is no form is `query` or `update`.
+
+    Raises:
+        UnsupportedMediaType: it is neither a form, a query nor an update, or not UTF-8.
+        TooLarge: it is too long.
+    """
+    media_type = call.media_type
+    values = call.parameters()
+    if media_type not in (_FORM, _DIRECT, _UPDATE):
+        raise UnsupportedMediaType(
+            f"a query is sent as {_FORM} or {_DIRECT}, an update as {_FORM} or {_UPDATE}, not as "
+            f"{media_type or 'untyped bytes'}",
+            accepted=[_FORM, _DIRECT, _UPDATE],
+        )
+    charset = _CHARSET.search(call.header(b"content-type") or "")
+    if charset is not None and charset[1].lower() not in ("utf-8", "utf8", "us-ascii"):
+        raise UnsupportedMediaType(f"the body is in {charset[1]}; send it in UTF-8")
+    body = await call.body(body_max_bytes)
+    if media_type == _FORM:
+        for name, found in form_values(body, "the form").items():
+            values.setdefault(name, []).extend(found)
+    else:
+        name = "query" if media_type == _DIRECT else "update"
+        values[name] = [*values.get(name, ()), utf8_text(body, f"the {name}")]
+    return values
+
+
+def result_reply(result: Result) -> Reply | StreamedReply:
+    """The reply with a query's result."""
+    headers: HeaderList = [_VARY, commit_header(result.commit)]
+    if result.at_s is not None:
+        headers.append((b"x-at", repr(result.at_s).encode()))
+    if result.text is not None:
+        return Reply(result.text, content_type(result.media_type), 200, headers)
+    sink = result.sink
+    assert sink is not None, "a result that is not in memory is in a file"
+    return StreamedReply(sink.chunks(), content_type(result.media_type), sink.size, headers)
+
+
+def update_receipt(commit: Commit) -> dict[str, int]:
+    """What is told of an update: how many statements came and went."""
+    return {
+        "commit": commit.number,
+        "added": sum(change.added.count("\n") for change in commit.statements),
+        "removed": sum(change.removed.count("\n") for change in commit.statements),
+    }
+
+
+def own_address(call: Call, path: str = "/sparql") -> str:
+    """The address at which the caller reaches a path of this board."""
+    host = quote(call.header(b"host") or "localhost", safe=":[]")
+    return f"{call.scheme}://{host}{call.root_path}{path}"
+
+
+_UPDATES = (
+    "SPARQL 1.1 Update reaches what is said outside fluents: named graphs, and in the default "
+    "graph what updates have said. A request is carried out as a whole or not at all, and needs "
+    "the role write. One that would change a fluent is refused, and so is one that would change "
+    "what an ontology says; `CLEAR` and `DELETE WHERE { ?s ?p ?o }` leave ontologies alone. "
+)
 _DATASET = tuple(
     Parameter(
         name,
@@ -222,6 +318,17 @@ _DATASET = tuple(
     for name, use in (
         ("default-graph-uri", "that becomes part of the default graph"),
         ("named-graph-uri", "that GRAPH sees"),
+    )
+)
+_USING = tuple(
+    Parameter(
+        name,
+        f"Of an update: IRI of a graph {use}; may be repeated.",
+        {"type": "array", "items": {"type": "string", "format": "iri"}},
+    )
+    for name, use in (
+        ("using-graph-uri", "that becomes part of WHERE's default graph"),
+        ("using-named-graph-uri", "that GRAPH sees in WHERE"),
     )
 )
 
@@ -239,70 +346,31 @@ _TIMES = (
 )
 
 
-def _located(problem: InvalidQuery, query: str) -> InvalidQuery:
-    """The problem with the place in the query, instead of all that could have stood there."""
+def _located(problem: InvalidQuery, query: str, offset: int = 0) -> InvalidQuery:
+    """The problem with the place in the query, instead of all that could have stood there.
+
+    Args:
+        problem: what the engine says.
+        query: as the client sent it.
+        offset: how many characters the engine saw before it.
+    """
     position = _POSITION.search(problem.message)
     if position is None:
         return problem
     line, column = int(position[1]), int(position[2])
+    if line == 1:
+        column = max(1, column - offset)
     text = (query.splitlines() or [""])[min(line, query.count("\n") + 1) - 1]
     before, _, expected = problem.message.partition("expected one of")
     few = expected.count(",") < _EXPECTED_MAX
     begin = max(0, column - 1 - _CONTEXT)
     near = text[begin : column - 1 + _CONTEXT]
     message = problem.message if few else before.rstrip(": ")
+    message = _POSITION.sub(f"error at {line}:{column}", message)
     return InvalidQuery(
         f"{message} (line {line}, column {column}, near {near!r})",
         **{**problem.detail, "line": line, "column": column},
     )
-
-
-def _read_only() -> FluentsAreReadOnly:
-    return FluentsAreReadOnly(
-        "fluents are not changed by SPARQL Update, so that their intervals stay consistent and "
-        "nothing is lost; assert with POST /fluents, refine with PATCH /fluents/{name}, end with "
-        "POST /fluents/{name}/end, several at once with POST /commands"
-    )
-
-
-def _description(call: Call) -> Reply:
-    """The service description (SPARQL 1.1 Service Description)."""
-    media_type, form = negotiated(call.header(b"accept"), GRAPH_OFFERS)
-    service, dataset, graph = (ox.BlankNode(name) for name in ("service", "dataset", "graph"))
-
-    def sd(name: str) -> ox.NamedNode:
-        return ox.NamedNode(_SD + name)
-
-    a = ox.NamedNode(PREFIXES["rdf"] + "type")
-    triples = [
-        ox.Triple(service, a, sd("Service")),
-        ox.Triple(service, sd("endpoint"), ox.NamedNode(_own_address(call))),
-        ox.Triple(service, sd("supportedLanguage"), sd("SPARQL11Query")),
-        ox.Triple(service, sd("defaultDataset"), dataset),
-        ox.Triple(dataset, a, sd("Dataset")),
-        ox.Triple(dataset, sd("defaultGraph"), graph),
-        ox.Triple(graph, a, sd("Graph")),
-    ]
-    triples += [
-        ox.Triple(service, sd("resultFormat"), ox.NamedNode(_FORMATS + name))
-        for name in _DESCRIBED_FORMATS
-    ]
-    for name, what in FUNCTIONS.items():
-        function = ox.NamedNode(FB + name)
-        triples += [
-            ox.Triple(service, sd("extensionFunction"), function),
-            ox.Triple(function, a, sd("Function")),
-            ox.Triple(function, ox.NamedNode(PREFIXES["rdfs"] + "comment"), ox.Literal(what)),
-        ]
-    prefixes = {"sd": _SD, "formats": _FORMATS, "fb": FB, "rdfs": PREFIXES["rdfs"]}
-    text = ox.serialize(triples, format=form, prefixes=prefixes)
-    assert text is not None
-    return Reply(text, media_type.encode(), 200, [_VARY])
-
-
-def _own_address(call: Call) -> str:
-    host = quote(call.header(b"host") or "localhost", safe=":[]")
-    return f"{call.scheme}://{host}{call.root_path}/sparql"
 
 
 def _result_contents() -> dict[str, Content]:

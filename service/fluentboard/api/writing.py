@@ -27,7 +27,7 @@ async def committed(board: Blackboard, call: Call, commands: Sequence[Command]) 
     Raises:
         FluentboardError: why none of them was accepted.
     """
-    author, key = call.author, _idempotency_key(call)
+    author, key = call.author, idempotency_key(call)
     if len(commands) < _LONG_BATCH:
         return await outcome(board.submit(commands, author, idempotency_key=key))
     future = await asyncio.to_thread(board.submit, commands, author, idempotency_key=key)
@@ -122,7 +122,12 @@ def commit_json(commit: Commit) -> Iterable[dict[str, Any]]:
         }
 
 
-def _idempotency_key(call: Call) -> str | None:
+def idempotency_key(call: Call) -> str | None:
+    """The key by which the same write is recognised when it is repeated.
+
+    Raises:
+        InvalidInput: it is no key.
+    """
     key = call.header(b"idempotency-key")
     if key is None:
         return None

@@ -162,3 +162,8 @@ class Load:
 Operation = (
     InsertStatements | DeleteStatements | DeleteMatching | Modify | Clear | Create | Transfer | Load
 )
+
+
+def in_graph(triple: ox.Triple | ox.Quad, graph: Graph) -> ox.Quad:
+    """The statement, said in a graph."""
+    return ox.Quad(triple.subject, triple.predicate, triple.object, graph)

@@ -142,6 +142,7 @@ class UpdateEvaluation:
             self._add(quad)
 
     def _solutions(self, operation: Modify) -> Iterator[ox.QuerySolution]:
+        results: QueryResults | None
         if self._pending.is_unchanged:
             results = self._ask_store(operation)
         else:
@@ -155,6 +156,10 @@ class UpdateEvaluation:
                 yield solution
         except (ValueError, OSError, RuntimeError) as problem:
             raise InvalidQuery(f"the WHERE cannot be evaluated: {problem}") from None
+        finally:
+            # Oxigraph's iterators must die in the thread that made them, but the traceback of an
+            # error would take this one along to another.
+            results = None
 
     def _delete_matching(self, operation: DeleteMatching) -> None:
         graphs: Iterable[Graph] = operation.graphs or (_DEFAULT, *self._pending.named_graphs())
