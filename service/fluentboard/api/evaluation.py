@@ -160,23 +160,24 @@ class Evaluator:
         """
         commit = self._board.commit
         key = Key(question.text, question.accept, question.default_graphs, question.named_graphs)
-        known = self._cache.get(commit, key)
-        if known is not None and question.at is None and question.as_of is None:
+        is_plain = question.at is None and question.as_of is None
+        known = self._cache.get(commit, key) if is_plain else None
+        if known is not None:
             return Result(known.media_type, known.text, None, commit)
-        result = await self._evaluated(question, commit)
-        if result.text is not None and result.is_exact and question.is_timeless:
+        # A query waits until the RDF store has all that was committed; the event loop must not.
+        is_current = is_plain and self._applied >= commit
+        result = await self._evaluated(question, is_current=is_current)
+        if is_plain and result.text is not None and result.is_exact and question.is_timeless:
             self._cache.put(result.commit, key, Cached(result.media_type, result.text))
         return result
 
-    async def _evaluated(self, question: Question, commit: int) -> Result:
-        check_services(question.text, self._service_endpoints)
-        # A query waits until the RDF store has all that was committed; the event loop must not.
-        is_current = self._applied >= commit and question.is_timeless
+    async def _evaluated(self, question: Question, *, is_current: bool) -> Result:
         if is_current and is_point_query(question.text):
             try:
                 return self._answer(question, self._inline_limits, self._never)
             except TooLarge:
                 pass  # more than a few kilobytes after all: the usual way decides
+        check_services(question.text, self._service_endpoints)
         stop = threading.Event()
         future = self._threads.submit(partial(self._answer, question, self._limits, stop))
         self._running.add(future)

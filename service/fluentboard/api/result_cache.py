@@ -15,7 +15,8 @@ _LONGEST_ENTRY_BYTES = 64 * 1024
 _ENTRY_OVERHEAD_BYTES = 500
 
 # What may give another answer although nothing on the board has changed.
-_VOLATILE = re.compile(r"\b(?:NOW|RAND|UUID|STRUUID|BNODE|SERVICE)\b", re.IGNORECASE)
+_VOLATILE = re.compile(r"\b(?:NOW|RAND|UUID|STRUUID|BNODE|SERVICE)\b")
+_VOLATILE_PARTS = ("NOW", "RAND", "UUID", "BNODE", "SERVICE")
 
 
 class Key(NamedTuple):
@@ -68,7 +69,7 @@ class ResultCache:
         size = len(answer.text) + 2 * len(key.text) + _ENTRY_OVERHEAD_BYTES
         if len(answer.text) > _LONGEST_ENTRY_BYTES or size > self._size_max_bytes:
             return
-        if commit < self._commit or _VOLATILE.search(key.text):
+        if commit < self._commit or _is_volatile(key.text):
             return
         if commit > self._commit:
             self._forget()
@@ -85,3 +86,9 @@ class ResultCache:
     def _forget(self) -> None:
         self._entries = {}
         self._size_bytes = 0
+
+
+def _is_volatile(text: str) -> bool:
+    upper = text.upper()
+    # Looking for a part is twenty times faster than the expression, and mostly all that is needed.
+    return any(part in upper for part in _VOLATILE_PARTS) and _VOLATILE.search(upper) is not None

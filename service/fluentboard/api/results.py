@@ -87,6 +87,7 @@ class ResultSink:
         self._limits = limits
         self._stop = stop
         self._parts: list[bytes] = []
+        self._counted = 0
         self._file: IO[bytes] | None = None
         self.size = 0
 
@@ -99,15 +100,24 @@ class ResultSink:
         """
         if self._stop.is_set():
             raise Stopped
-        self._counter.add(data)
-        self.size += len(data)
-        self._check_length()
         self._parts.append(data)
+        self.size += len(data)
+        # A row takes at least a byte: a result of fewer bytes than rows allowed needs no counting.
+        if self.size > self._limits.result_rows_max:
+            self._count_rows()
+        if self.size > self._limits.result_max_bytes:
+            bytes_max = self._limits.result_max_bytes
+            raise TooLarge(
+                f"the result is longer than {bytes_max:,} bytes; ask for less with LIMIT, or raise "
+                "limits.result_max_bytes",
+                limit_bytes=bytes_max,
+            )
         if self._file is not None or self.size > self._limits.result_memory_max_bytes:
             self._spill()
         return len(data)
 
     def _spill(self) -> None:
+        self._count_rows()
         try:
             if self._file is None:
                 # Closed by `close`, or when its last chunk is sent.
@@ -118,20 +128,18 @@ class ResultSink:
                 f"a long result needs a temporary file, which cannot be written: {problem}"
             ) from None
         self._parts = []
+        self._counted = 0
 
-    def _check_length(self) -> None:
-        rows_max, bytes_max = self._limits.result_rows_max, self._limits.result_max_bytes
+    def _count_rows(self) -> None:
+        for part in self._parts[self._counted :]:
+            self._counter.add(part)
+        self._counted = len(self._parts)
+        rows_max = self._limits.result_rows_max
         if self._counter.rows > rows_max:
             raise TooLarge(
                 f"the result has more than {rows_max:,} rows; ask for less with LIMIT, or raise "
                 "limits.result_rows_max",
                 limit_rows=rows_max,
-            )
-        if self.size > bytes_max:
-            raise TooLarge(
-                f"the result is longer than {bytes_max:,} bytes; ask for less with LIMIT, or raise "
-                "limits.result_max_bytes",
-                limit_bytes=bytes_max,
             )
 
     def flush(self) -> None:
