@@ -12,7 +12,7 @@ import signal
 import threading
 import time
 import uuid
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,9 @@ from typing import Protocol
 
 from fluentboard.errors import BoardUnreachable, FluentboardError, InvalidFrame
 from fluentboard_client import Client, Command, Event
+from fluentboard_modules.frames.recordings import LiveSource
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
+from fluentboard_modules.pulse import pulse
 
 logger = logging.getLogger(__name__)
 
@@ -91,10 +93,19 @@ class StopRequest:
 
     def __init__(self) -> None:
         self._asked = threading.Event()
+        self._then: list[Callable[[], object]] = []
 
     def ask(self) -> None:
         """Asks; the current frame is still finished and written."""
         self._asked.set()
+        for call in self._then:
+            call()
+
+    def when_asked(self, call: Callable[[], object]) -> None:
+        """Has something called when somebody asks, perhaps from a signal handler."""
+        self._then.append(call)
+        if self.is_asked:
+            call()
 
     @property
     def is_asked(self) -> bool:
@@ -156,9 +167,12 @@ def run(
     if first is None:
         return WorkReport(0, 0, 0, 0.0, was_stopped=True)
     progress.begin(module.name, _length(source))
+    if isinstance(source, LiveSource):
+        stop.when_asked(source.stop)
     began = time.monotonic()
     frames = 0
-    with _listening(module, board) as noticed:
+    with pulse() as told, _listening(module, board) as noticed:
+        told.begin(_length(source))
         writer.write(first)
         for frame in source:
             for event in noticed():
@@ -171,11 +185,12 @@ def run(
             writer.write(commands)
             frames += 1
             progress.advance(module.status())
+            told.advance(frame.index, frame.stamp_s, _dropped(source), module.status())
             if stop.is_asked:
                 logger.info("%s: asked to stop after frame %d", module.name, frame.index)
                 break
         writer.write(module.finish())
-    if frames == 0:
+    if frames == 0 and not stop.is_asked:
         raise InvalidFrame(f"{source.name}: not one frame could be read; the log says why")
     return WorkReport(
         frames, writer.commands, writer.commit, time.monotonic() - began, stop.is_asked
@@ -320,3 +335,7 @@ def _length(source: FrameSource) -> int | None:
         return len(source)
     except TypeError:  # a live source has no length
         return None
+
+
+def _dropped(source: FrameSource) -> int:
+    return source.dropped if isinstance(source, LiveSource) else 0

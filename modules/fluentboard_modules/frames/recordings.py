@@ -1,4 +1,4 @@
-"""Recording: a source whose frames lie in a world frame of its own, not yet in the map frame."""
+"""Recording and LiveSource: what some sources can do beyond giving their frames."""
 
 from __future__ import annotations
 
@@ -23,4 +23,18 @@ class Recording(FrameSource, Protocol):
 
     def every(self, step: int) -> Self:
         """The same recording with only every step-th frame."""
+        ...
+
+
+@runtime_checkable
+class LiveSource(FrameSource, Protocol):
+    """A source that never ends by itself, and skips what its reader is too slow for."""
+
+    @property
+    def dropped(self) -> int:
+        """Frames skipped so far."""
+        ...
+
+    def stop(self) -> None:
+        """Ends the iteration soon; may be called from any thread and from a signal handler."""
         ...
