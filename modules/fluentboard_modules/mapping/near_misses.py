@@ -86,8 +86,13 @@ def _misses(
     furniture: FurnitureClass,
     plane: int,
 ) -> Iterator[NearMiss]:
-    for definition in rules.definitions[furniture.name]:
-        own, others = _split(definition)
+    alternatives = [
+        alternative
+        for definition in rules.definitions[furniture.name]
+        for alternative in _alternatives(definition)
+    ]
+    for alternative in alternatives:
+        own, others = _split(alternative)
         labelled = [label for label in own if evaluation.members(label)[plane]]
         if labelled:
             missing = [part for part in others if not evaluation.satisfies_one(part, plane)]
@@ -105,6 +110,13 @@ def _misses(
             # Last because it measures relations.
             if near and all(evaluation.satisfies_one(part, plane) for part in others):
                 yield from near
+
+
+def _alternatives(definition: Expression) -> tuple[Expression, ...]:
+    """The ways to satisfy a definition: the parts of a union, if they are more than labels."""
+    if isinstance(definition, Or) and not all(isinstance(p, Named) for p in definition.parts):
+        return definition.parts
+    return (definition,)
 
 
 def _split(definition: Expression) -> tuple[list[str], list[Expression]]:
