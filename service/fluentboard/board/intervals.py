@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +102,7 @@ class _Changes:
         """Rows that commits in (after, up_to] changed, each as often as it was changed."""
         return self._row[self._after(after) : self._after(up_to)]
 
-    def replaced(self, as_of: int, count: int) -> tuple[IntArray, FloatArray, NDArray[np.int32]]:
+    def replaced(self, as_of: int, count: int) -> tuple[IntArray, FloatArray]:
         """What was believed after a commit of the rows that were changed later.
 
         Args:
@@ -110,7 +110,7 @@ class _Changes:
             count: only rows below this one.
 
         Returns:
-            The rows `(n,)`, increasing, their bounds `(4, n)` and classes `(n,)`.
+            The rows `(n,)`, increasing, and their bounds `(4, n)`.
         """
         first = self._after(as_of)
         # The first change after the commit replaced what was believed then.
@@ -124,29 +124,32 @@ class _Changes:
             entry_of[changed[::-1]] = np.arange(changed.size - 1, -1, -1)
             rows = np.flatnonzero(entry_of[:count] >= 0)
             entries = entry_of[rows]
-        entries = entries + first
-        return rows, self._bounds[:, entries], self._class_of[entries]
+        return rows, self._bounds[:, entries + first]
+
+    def since(self, as_of: int) -> tuple[IntArray, FloatArray, NDArray[np.int32]]:
+        """What changes after a commit replaced, oldest first: rows, bounds `(4, n)`, classes."""
+        chosen = slice(self._after(as_of), self.count)
+        return self._row[chosen], self._bounds[:, chosen], self._class_of[chosen]
 
     def bounds(self, as_of: int, row: int) -> FloatArray:
         """The bounds `(4,)` of one row, which was changed after a commit, as believed then."""
+        return self._bounds[:, self._first(as_of, row)]
+
+    def class_of(self, as_of: int, row: int) -> int:
+        """The class of one row, which was changed after a commit, as believed then."""
+        return int(self._class_of[self._first(as_of, row)])
+
+    def _first(self, as_of: int, row: int) -> int:
         first = self._after(as_of)
-        return self._bounds[:, first + int(np.argmax(self._row[first : self.count] == row))]
+        return first + int(np.argmax(self._row[first : self.count] == row))
 
 
 @dataclass(frozen=True, slots=True)
 class _Other:
-    """The other side of a relation, and where it is among the rows itself."""
+    """The other side of a relation, and its row if it is a fluent."""
 
     bounds: Bounds | None
     itself: int | None = None
-
-    def among(self, rows: IntArray) -> _Other:
-        """The same for some of the rows, given in increasing order."""
-        if self.itself is None:
-            return self
-        position = int(np.searchsorted(rows, self.itself))
-        is_there = position < rows.size and int(rows[position]) == self.itself
-        return _Other(self.bounds, position if is_there else None)
 
 
 _NOTHING = _Other(None)
@@ -234,11 +237,36 @@ class IntervalIndex:
             if wanted.class_name is not None:
                 ids = np.array([is_wanted_class(name) for name in self._class_ids], dtype=np.bool_)
             other = self._other(wanted, count)
-            keep = _passing(wanted, bounds, classes, ids, other)
+            keep: NDArray[np.bool_] = np.zeros(len(self._names), dtype=np.bool_)
+            keep[:count] = _passing(wanted, bounds, classes, ids, other)
             if wanted.as_of is not None:
-                later, bounds, classes = self._changes.replaced(wanted.as_of, count)
-                keep[later] = _passing(wanted, bounds, classes, ids, other.among(later))
-            return np.flatnonzero(keep)
+                # Written from the newest change to the oldest, so what was believed then stays.
+                rows, bounds, classes = self._changes.since(wanted.as_of)
+                keep[rows[::-1]] = _passing(wanted, bounds, classes, ids, other)[::-1]
+            if other.itself is not None:
+                keep[other.itself] = self._passes_itself(wanted, ids, other)
+            return np.flatnonzero(keep[:count])
+
+    def _passes_itself(
+        self, wanted: FluentFilter, ids: NDArray[np.bool_] | None, other: _Other
+    ) -> bool:
+        """Whether the fluent that others are related to passes too."""
+        assert wanted.relation is not None
+        assert other.bounds is not None
+        assert other.itself is not None
+        row, as_of = other.itself, wanted.as_of
+        class_id = int(self._class_of[row])
+        if as_of is not None and self._version[row] > as_of:
+            class_id = self._changes.class_of(as_of, row)
+        rest = _passing(
+            replace(wanted, relation=None),
+            np.array([other.bounds]).T,
+            np.array([class_id], dtype=np.int32),
+            ids,
+            _NOTHING,
+        )
+        own = own_certainty(wanted.relation[0], other.bounds)
+        return own >= wanted.certainty and bool(rest[0])
 
     def _other(self, wanted: FluentFilter, count: int) -> _Other:
         """The other side of the wanted relation."""
@@ -272,7 +300,7 @@ class IntervalIndex:
         with self._guard:
             count = self._count(as_of)
             bounds = self._bounds[:, :count].copy()
-            later, before, _ = self._changes.replaced(as_of, count)
+            later, before = self._changes.replaced(as_of, count)
             bounds[:, later] = before
             return Outline(np.arange(count, dtype=np.int64), bounds)
 
@@ -283,7 +311,7 @@ class IntervalIndex:
             made = np.arange(self._count(after), count, dtype=np.int64)
             rows = np.union1d(made, self._changes.rows(after, up_to))
             bounds = self._bounds[:, rows]
-            later, before, _ = self._changes.replaced(up_to, count)
+            later, before = self._changes.replaced(up_to, count)
             is_later = np.isin(rows, later, assume_unique=True)
             bounds[:, is_later] = before[:, np.isin(later, rows, assume_unique=True)]
             return Outline(rows, bounds)
@@ -320,10 +348,7 @@ def _passing(
         if other.bounds is None:
             keep[:] = False
         else:
-            found = related(relation, bounds, other.bounds, wanted.certainty)
-            if other.itself is not None:
-                found[other.itself] = own_certainty(relation, other.bounds) >= wanted.certainty
-            keep &= found
+            keep &= related(relation, bounds, other.bounds, wanted.certainty)
     if wanted.is_open is not None:
         keep &= (f1 == np.inf) == wanted.is_open
     return keep

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,15 @@ import pytest
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty, Interval
-from fluentboard.model.relations import Relation, bounds_of, window
+from fluentboard.model.relations import (
+    Bounds,
+    Relation,
+    bounds_of,
+    holding_certainty,
+    own_certainty,
+    relation_certainty,
+    window,
+)
 
 MUG = Fluent("mug1", "Mug", Interval(1.0, 2.0), Interval())
 ENDED = Fluent("mug1", "Mug", Interval(1.0, 2.0), Interval(5.0, 6.0))
@@ -102,24 +111,64 @@ def test_what_changed_between_two_commits_is_as_believed_after_the_second(index:
     assert index.changed(4, 4).rows.tolist() == []
 
 
-def test_many_changes_are_undone_as_a_replay_would_have_it():
+Known = dict[int, tuple[str, Bounds]]
+
+
+@pytest.fixture(scope="module")
+def history() -> tuple[IntervalIndex, list[Known]]:
+    """An index after 400 commits, and what was known after each."""
     rng = np.random.default_rng(7)
-    index, past = IntervalIndex(), [dict[int, list[float]]()]
+    index, past = IntervalIndex(), [Known()]
     for commit in range(1, 400):
-        row = int(rng.integers(min(commit, 30)))
-        bounds = sorted(rng.uniform(1.0, 9.0, 4).tolist())
+        s1, s2, f1, f2 = sorted(rng.integers(1, 9, 4).astype(float).tolist())
         known = dict(past[-1])
-        row = len(known) if row >= len(known) else row
-        known[row] = bounds
-        index.put_outline(f"f{row}", "Mug", (bounds[0], bounds[1], bounds[2], bounds[3]), commit)
+        row = min(int(rng.integers(30)), len(known))
+        known[row] = "Mug" if rng.random() < 0.5 else "Plate", (s1, s2, f1, f2)
+        index.put_outline(f"f{row}", *known[row], commit)
         past.append(known)
+    return index, past
+
+
+def test_many_changes_are_undone_as_a_replay_would_have_it(
+    history: tuple[IntervalIndex, list[Known]],
+):
+    index, past = history
     for commit in (0, 1, 17, 200, 397, 398, 399):
         outline = index.outline(commit)
-        assert (
-            dict(zip(outline.rows.tolist(), outline.bounds.T.tolist(), strict=True)) == past[commit]
-        )
-        for row, bounds in past[commit].items():
+        known = {row: list(bounds) for row, (_, bounds) in past[commit].items()}
+        assert dict(zip(outline.rows.tolist(), outline.bounds.T.tolist(), strict=True)) == known
+        for row, bounds in known.items():
             assert list(index.bounds(row, commit) or ()) == bounds
-        held = [row for row, (s1, _, _, f2) in past[commit].items() if s1 <= 4.0 < f2]
-        wanted = FluentFilter(at_s=4.0, as_of=commit)
-        assert index.rows(wanted, lambda _name: True).tolist() == sorted(held)
+
+
+@pytest.mark.parametrize("commit", [0, 1, 17, 200, 398, 399])
+@pytest.mark.parametrize("certainty", [Certainty.POSSIBLE, Certainty.CERTAIN])
+def test_filters_at_a_commit_pass_what_a_replay_would_pass(
+    history: tuple[IntervalIndex, list[Known]], commit: int, certainty: Certainty
+):
+    index, past = history
+    known = past[commit]
+
+    def found(wanted: FluentFilter) -> list[int]:
+        return index.rows(wanted, lambda name: name == wanted.class_name).tolist()
+
+    holding = [r for r, (_, b) in known.items() if holding_certainty(b, 4.0) >= certainty]
+    assert found(FluentFilter(at_s=4.0, as_of=commit, certainty=certainty)) == sorted(holding)
+    for relation in Relation:
+        for name in ("f0", "f11"):
+            itself = int(name[1:])
+            expected = [
+                row
+                for row, (class_name, bounds) in known.items()
+                if itself in known
+                and class_name == "Mug"
+                and (
+                    own_certainty(relation, bounds)
+                    if row == itself
+                    else relation_certainty(relation, bounds, known[itself][1])
+                )
+                >= certainty
+            ]
+            wanted = FluentFilter("Mug", None, None, certainty, as_of=commit)
+            wanted = replace(wanted, relation=(relation, name))
+            assert found(wanted) == sorted(expected)
