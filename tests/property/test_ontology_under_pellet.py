@@ -60,13 +60,23 @@ fluent:seat1 a furniture:Plane ; furniture:hasInclination 0.05e0 ;
     furniture:hasSize 0.16e0 ; furniture:hasPosY 0.46e0 ;
     furniture:isLowerThan fluent:back1 ; furniture:isPerpendicularTo fluent:back1 .
 fluent:back1 a furniture:Plane ; furniture:hasInclination 1.4e0 ;
-    furniture:hasSize 0.1e0 ; furniture:hasPosY 0.7e0 ; furniture:isAdjacentTo fluent:seat1 .
+    furniture:hasSize 0.1e0 ; furniture:hasLength 0.4e0 ; furniture:hasWidth 0.25e0 ;
+    furniture:hasPosY 0.7e0 ; furniture:isAdjacentTo fluent:seat1 .
 
 # No chair: one backrest is perpendicular but far away, another is adjacent but askew.
 fluent:seat2 a furniture:HorizontalPlane ; furniture:hasSize 0.16e0 ; furniture:hasPosY 0.46e0 ;
     furniture:isLowerThan fluent:back1 , fluent:back2 ;
     furniture:isPerpendicularTo fluent:back1 ; furniture:isAdjacentTo fluent:back2 .
-fluent:back2 a furniture:VerticalPlane ; furniture:hasSize 0.1e0 ; furniture:hasPosY 0.7e0 .
+fluent:back2 a furniture:VerticalPlane ; furniture:hasSize 0.1e0 ;
+    furniture:hasLength 0.4e0 ; furniture:hasWidth 0.25e0 ; furniture:hasPosY 0.7e0 .
+
+# A chair pushed under the table: only its backrest is seen. A slat alone tells of nothing.
+fluent:backAtTable a furniture:VerticalPlane ; furniture:hasSize 0.1e0 ;
+    furniture:hasLength 0.4e0 ; furniture:hasWidth 0.25e0 ; furniture:hasPosY 0.8e0 ;
+    furniture:isPerpendicularTo fluent:tableTop ; furniture:isAdjacentTo fluent:tableTop .
+fluent:slatAtTable a furniture:VerticalPlane ; furniture:hasSize 0.03e0 ;
+    furniture:hasLength 0.4e0 ; furniture:hasWidth 0.08e0 ; furniture:hasPosY 0.8e0 ;
+    furniture:isPerpendicularTo fluent:tableTop ; furniture:isAdjacentTo fluent:tableTop .
 
 fluent:tableTop a furniture:Plane ; furniture:hasInclination 0.03e0 ;
     furniture:hasSize 0.98e0 ; furniture:hasPosY 0.73e0 .
@@ -194,6 +204,12 @@ def test_labels_are_not_exclusive(world: Any) -> None:
 def test_seat_with_its_backrest_makes_a_chair(world: Any) -> None:
     assert "Chair" in classes_of(world, "seat1")
     assert "ChairBackrestPlane" in classes_of(world, "back1")
+
+
+def test_whole_backrest_at_a_table_makes_a_chair(world: Any) -> None:
+    assert "Chair" in classes_of(world, "backAtTable")
+    assert "ChairBackrestPlane" in classes_of(world, "slatAtTable")
+    assert "Chair" not in classes_of(world, "slatAtTable")
 
 
 def test_one_and_the_same_backrest_must_be_perpendicular_and_adjacent(world: Any) -> None:
