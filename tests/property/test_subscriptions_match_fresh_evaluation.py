@@ -20,6 +20,7 @@ from fluentboard.board.commands import (
     RefineFluent,
 )
 from fluentboard.board.events import Commit
+from fluentboard.board.statement_rules import ProtectedStatement
 from fluentboard.board.subscriptions.messages import (
     Delta,
     Gap,
@@ -136,6 +137,18 @@ QUERIES = {
     "construct with blank nodes": """CONSTRUCT { ?x upper:at [ upper:place ?t ; upper:of ?x ] }
         WHERE { ?x upper:onTop ?t }""",
     "blank nodes made": "SELECT ?x (BNODE() AS ?b) { ?x a race:Mug }",
+    "holding": "SELECT ?x { ?x a race:Mug FILTER(fb:holdsAt(?x, 30)) }",
+    "certainty": "SELECT ?x (fb:certaintyAt(?x, 12) AS ?c) { ?x upper:onTop ?t }",
+    "duration": "SELECT ?x ?d { ?x a race:Mug BIND(fb:durationMin(?x) AS ?d) }",
+    "holding of another": """SELECT ?x ?t { ?x upper:onTop ?t
+        FILTER(fb:certainlyHoldsAt(?t, 30)) }""",
+    "relation": "SELECT ?x ?y { ?x upper:near ?y FILTER(fb:possiblyBefore(?x, ?y)) }",
+    "not holding": """SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { ?x upper:onTop ?t
+        FILTER(fb:holdsAt(?t, 30)) } }""",
+    "notes": "SELECT ?g ?x ?v { ?x upper:label ?v GRAPH ?g { ?x upper:label ?w } }",
+    "graphs": "SELECT ?g { GRAPH ?g {} }",
+    "graphs without": """SELECT ?g { GRAPH ?g { FILTER NOT EXISTS { ?x upper:label 'a' } } }""",
+    "from": "SELECT ?x ?l FROM <urn:notes> { ?x upper:label ?l }",
     "unread by the analyser": "SELECT ?x { ?x a race:Mug LATERAL { ?x upper:onTop ?t } }",
 }
 
@@ -234,9 +247,25 @@ _command = st.one_of(
     st.builds(EndFluent, _names, st.builds(Interval.at, _times)),
     st.builds(CorrectFluent, _fluents, st.just("measured again")),
 )
-Step = tuple[list[Command] | int, bool]
+# Fluents are not the business of updates: these speak of other things, and of classes.
+_updates = st.sampled_from(
+    [
+        "INSERT DATA { GRAPH <urn:notes> { <urn:x> upper:label 'b' ; upper:near race:kitchen } }",
+        "INSERT DATA { GRAPH <urn:more> { <urn:x> upper:label 'a' } }",
+        "DELETE DATA { GRAPH <urn:notes> { <urn:x> upper:label 'b' } }",
+        "DROP SILENT GRAPH <urn:notes>",
+        "CREATE SILENT GRAPH <urn:empty>",
+        "INSERT DATA { race:kitchen upper:label 'a' ; upper:near race:hall }",
+        "INSERT DATA { race:hall a race:FloorArea ; upper:hasBoundingBox fluent:BBox1 }",
+        "DELETE WHERE { race:hall ?p ?o }",
+        "INSERT DATA { race:Drinkware rdfs:subClassOf race:PersonalItem }",
+        "DELETE DATA { race:Drinkware rdfs:subClassOf race:PersonalItem }",
+    ]
+)
+Step = tuple[list[Command] | str | int, bool]
 _step: st.SearchStrategy[Step] = st.tuples(
-    st.one_of(st.lists(_command, min_size=1, max_size=4), st.integers(0, 1)), st.booleans()
+    st.one_of(st.lists(_command, min_size=1, max_size=4), _updates, st.integers(0, 1)),
+    st.booleans(),
 )
 
 
@@ -254,10 +283,13 @@ class Witness:
         self.truth: dict[str, dict[int, Bag]] = {name: {} for name in QUERIES}
         self.perform([AssertFluent(Fluent("Pose9", "Pose"))])
 
-    def perform(self, step: list[Command] | int) -> None:
+    def perform(self, step: list[Command] | str | int) -> None:
         """Carries out a step, and notes the answers; a refused batch changes nothing."""
         if isinstance(step, int):
             self.change_ontology(step)
+        elif isinstance(step, str):
+            with contextlib.suppress(ProtectedStatement):
+                self.board.graphs.update(step, "test").result()
         else:
             with contextlib.suppress(IntervalReversed, NotARefinement, UnknownFluent):
                 self.board.execute(step, "test")
@@ -412,6 +444,9 @@ def test_writers_that_do_not_wait_lead_to_the_same_result(
         for commands, _ in steps:
             if isinstance(commands, int):
                 witness.change_ontology(commands)
+            elif isinstance(commands, str):
+                with contextlib.suppress(ProtectedStatement):
+                    witness.board.graphs.update(commands, "test")
             else:
                 witness.board.submit(commands, "test")
         witness.perform([AssertFluent(Fluent("Pose8", "Pose"))])

@@ -47,12 +47,13 @@ class BoundEvaluation:
 
     def difference(self, change: EventChange) -> Difference:
         """How the event changes the support of the result."""
-        after = self.schema.evaluate(self.text, change.after_quads)
-        if change.event.before is not None:
-            before = self.schema.evaluate(self.text, change.before_quads)
+        event = change.event
+        after = self.schema.evaluate(self.text, change.after_quads, event.after)
+        if event.before is not None:
+            before = self.schema.evaluate(self.text, change.before_quads, event.before)
         else:
             if self._empty is None:
-                self._empty = self.schema.evaluate(self.text, ())
+                self._empty = self.schema.evaluate(self.text, (), None)
             before = self._empty
         return difference(self.view.support(before), self.view.support(after))
 

@@ -106,8 +106,13 @@ class CommitChange:
 
     @cached_property
     def touches_everything(self) -> bool:
-        """An ontology changed: names, the class hierarchy and so any answer may differ."""
-        return any(change.ontology for change in self.commit.statements)
+        """Names and the class hierarchy may have changed, and so may any answer."""
+        return any(change.may_declare for change in self.commit.statements)
+
+    @property
+    def moves_graphs(self) -> bool:
+        """A named graph was created or dropped, perhaps an empty one."""
+        return any(change.graph_event for change in self.commit.statements)
 
     @cached_property
     def outside_statements(self) -> list[Statement]:

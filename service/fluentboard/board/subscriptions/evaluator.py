@@ -84,7 +84,7 @@ class Evaluator:
         """Takes note of a commit: incremental queries change now, others become stale."""
         if commit.number <= self.routed and not commit.statements:
             return
-        if any(change.ontology for change in commit.statements):
+        if any(change.may_declare for change in commit.statements):
             self._schema = Schema(self._board.vocabulary)
         change = CommitChange(commit, self._schema.vocabulary)
         concerned = self._router.concerned(change, self._spoken_of)

@@ -42,11 +42,16 @@ from fluentboard.board.subscriptions.patterns import (
 from fluentboard.board.subscriptions.schema import CLOSURE, Schema
 from fluentboard.board.triples import ENDPOINTS
 from fluentboard.board.vocabulary import RDF_TYPE
+from fluentboard_ontology import FB
 
 TYPE = f"<{RDF_TYPE}>"
 
 _ON_EVERY_FLUENT = frozenset({TYPE, *(f"<{iri}>" for iri in ENDPOINTS)})
 _CLASS_KEYS_MAX = 500
+# What these say of their first argument depends on no other fluent, whatever the second is.
+_OF_ONE_FLUENT = frozenset(
+    ("holdsAt", "possiblyHoldsAt", "certainlyHoldsAt", "certaintyAt", "durationMin", "durationMax")
+)
 
 
 class NotASum(Exception):
@@ -80,12 +85,12 @@ def require_sum(select: Select, pivot: Place) -> None:
             if not isinstance(part, Triples | Optional | Minus | Union | Filter | Bind | Values):
                 raise NotASum(f"{part.kind} looks beyond the fluent")
             if isinstance(part, Filter | Bind):
-                _require_own_exists(part.expression, pivot)
+                _require_own(part.expression, pivot)
             if isinstance(part, Triples):
                 for pattern in part.patterns:
                     _require_about(pattern, pivot)
         for expression in select.computed:
-            _require_own_exists(expression, pivot)
+            _require_own(expression, pivot)
         if "FROM" in select.obstacles:
             raise NotASum("FROM names other graphs")
         return
@@ -94,7 +99,7 @@ def require_sum(select: Select, pivot: Place) -> None:
     if _condition(select.where, pivot) is not _Condition.BOUND:
         raise NotASum(f"not every solution binds ?{pivot.name}")
     for expression in select.computed:
-        _require_own_exists(expression, pivot)
+        _require_own(expression, pivot)
 
 
 def required_keys(group: Group, pivot: Place, schema: Schema) -> frozenset[Shape]:
@@ -138,13 +143,13 @@ def _condition(group: Group, pivot: Place) -> _Condition:
         elif isinstance(part, Bind):
             if part.expression.exists and so_far is not _Condition.BOUND:
                 raise NotASum("EXISTS stands before the pivot is bound")
-            _require_own_exists(part.expression, pivot)
+            _require_own(part.expression, pivot)
         elif not isinstance(part, Values):
             raise NotASum(f"{part.kind} looks beyond single fluents")
     for expression in filters:
         if expression.exists and so_far is not _Condition.BOUND:
             raise NotASum("EXISTS is asked where the pivot is not bound")
-        _require_own_exists(expression, pivot)
+        _require_own(expression, pivot)
     return so_far
 
 
@@ -175,7 +180,19 @@ def _require_about(pattern: Pattern, pivot: Place) -> bool:
     return True
 
 
-def _require_own_exists(expression: Expression, pivot: Place) -> None:
+def _require_own(expression: Expression, pivot: Place) -> None:
+    for call in expression.calls:
+        first, *others = call.arguments or (None,)
+        name = call.function.removeprefix(FB)
+        if name in _OF_ONE_FLUENT:
+            own = first == pivot
+        else:
+            own = all(
+                place == pivot or (isinstance(place, Const) and not place.text.startswith("<"))
+                for place in (first, *others)
+            )
+        if not own:
+            raise NotASum(f"fb:{name} may look at other fluents")
     for group in expression.exists:
         if _condition(group, pivot) is not _Condition.BOUND:
             raise NotASum("EXISTS is about something else than the pivot")

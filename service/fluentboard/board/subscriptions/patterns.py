@@ -54,17 +54,32 @@ class Pattern:
 
 
 @dataclass(frozen=True, slots=True)
+class Call:
+    """A call of a function by its IRI.
+
+    Attributes:
+        function: the IRI.
+        arguments: variables and constants; None for what is computed.
+    """
+
+    function: str
+    arguments: tuple[Place | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Expression:
     """An expression, as far as it matters.
 
     Attributes:
         variables: used in it, outside EXISTS.
         exists: the patterns of its EXISTS and NOT EXISTS.
+        calls: functions called by IRI, casts to XSD types aside; not those within EXISTS.
         names: functions, operators and aggregates in it, as rdflib calls them.
     """
 
     variables: frozenset[str]
     exists: tuple[Group, ...]
+    calls: tuple[Call, ...]
     names: frozenset[str]
 
     @property
@@ -302,6 +317,7 @@ def _literal(term: Literal) -> Const:
 def _expression(node: Any) -> Expression:
     variables: set[str] = set()
     exists: list[Group] = []
+    calls: list[Call] = []
     names: set[str] = set()
 
     def visit(part: Any) -> None:
@@ -314,6 +330,9 @@ def _expression(node: Any) -> Expression:
             if name in ("Builtin_EXISTS", "Builtin_NOTEXISTS"):
                 exists.append(_group(items["graph"]))
                 return
+            if name == "Function" and not str(items["iri"]).startswith(str(XSD)):
+                arguments = cast("Iterable[Any]", _value(part, "expr", ()))
+                calls.append(Call(str(items["iri"]), tuple(map(_argument, arguments))))
             for inner in items.values():
                 visit(inner)
         elif isinstance(part, (list, tuple)):
@@ -321,4 +340,14 @@ def _expression(node: Any) -> Expression:
                 visit(inner)
 
     visit(node)
-    return Expression(frozenset(variables), tuple(exists), frozenset(names))
+    return Expression(frozenset(variables), tuple(exists), tuple(calls), frozenset(names))
+
+
+def _argument(node: Any) -> Place | None:
+    """An argument that is a plain variable or constant, out of rdflib's precedence levels."""
+    while isinstance(node, CompValue):
+        items = dict(cast("Mapping[str, Any]", node))
+        if list(items) != ["expr"]:
+            return None
+        node = items["expr"]
+    return _place(node) if isinstance(node, Variable | URIRef | Literal) else None

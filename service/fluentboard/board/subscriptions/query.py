@@ -10,15 +10,30 @@ from typing import Any, Literal
 import pyoxigraph as ox
 
 from fluentboard.board.subscriptions.footprint import Footprint, footprint_of
+from fluentboard.board.subscriptions.results import Term
 from fluentboard.board.subscriptions.sparql_text import has_escapes, query_form, words
-from fluentboard.board.subscriptions.syntax_tree import template_makes_blank_nodes, tree_of
+from fluentboard.board.subscriptions.syntax_tree import (
+    calls_of,
+    template_makes_blank_nodes,
+    tree_of,
+)
+from fluentboard.board.time_functions import FUNCTIONS
+from fluentboard.board.triples import ENDPOINTS
 from fluentboard.errors import InvalidQuery
-from fluentboard_ontology import PREFIXES
+from fluentboard_ontology import FB, PREFIXES
 
 logger = logging.getLogger(__name__)
 
 Form = Literal["select", "ask", "construct"]
 
+
+def _nothing(*_terms: Term) -> None:
+    """Stands in for the board's functions where the engine only has to know that they exist."""
+
+
+_BOARD_NOW = FB + "now"
+_END_POINTS = frozenset((None, f"<{iri}>", None) for iri in ENDPOINTS)
+_FUNCTIONS = {ox.NamedNode(FB + name): _nothing for name in FUNCTIONS}
 _WITHOUT_A_FIXED_ANSWER = ("RAND", "UUID", "STRUUID")
 
 
@@ -32,8 +47,10 @@ class ParsedQuery:
         variables: names of the result's columns; for CONSTRUCT subject, predicate and object.
         why_opaque: why its syntax tree is not to be had or not to be trusted, or "" if it is.
         footprint: which statements the answer depends on.
+        reads_graphs: it looks into named graphs, so it may depend on which there are.
         makes_blank_nodes: each evaluation labels some blank nodes of the result anew.
-        is_timeless: the answer follows from the statements alone; false with `NOW()`.
+        calls: IRIs of the functions that it calls, casts aside; empty where `why_opaque`.
+        is_timeless: the answer follows from the statements alone; false with `NOW()` or `fb:now()`.
     """
 
     text: str
@@ -41,7 +58,9 @@ class ParsedQuery:
     variables: tuple[str, ...]
     why_opaque: str
     footprint: Footprint
+    reads_graphs: bool
     makes_blank_nodes: bool
+    calls: frozenset[str]
     is_timeless: bool
 
 
@@ -71,23 +90,29 @@ def parse(text: str) -> ParsedQuery:
             )
     variables = _variables(text, form)
     tree, why = _tree(text)
+    calls = frozenset[str]() if tree is None else calls_of(tree)
     footprint = Footprint.everything(why) if tree is None else footprint_of(tree)
+    if calls - {_BOARD_NOW}:
+        # The board's functions look up the end points of fluents.
+        footprint = Footprint(footprint.shapes | _END_POINTS, footprint.why_everything)
     return ParsedQuery(
         text,
         form,
         variables,
         why,
         footprint,
+        reads_graphs=not used.isdisjoint(("GRAPH", "FROM")),
         makes_blank_nodes="BNODE" in used
         or (form == "construct" and (tree is None or template_makes_blank_nodes(tree))),
-        is_timeless="NOW" not in used,
+        calls=calls,
+        is_timeless="NOW" not in used and _BOARD_NOW not in calls,
     )
 
 
 def _variables(text: str, form: Form) -> tuple[str, ...]:
     """The columns of the result, as the engine that will evaluate the query sees them."""
     try:
-        results = ox.Store().query(text, prefixes=dict(PREFIXES))
+        results = ox.Store().query(text, prefixes=dict(PREFIXES), custom_functions=dict(_FUNCTIONS))
     except SyntaxError as problem:
         raise InvalidQuery(f"the query does not parse: {problem}") from None
     except (ValueError, OSError, RuntimeError) as problem:

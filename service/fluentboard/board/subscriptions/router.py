@@ -94,6 +94,8 @@ class Router:
         if change.touches_everything:
             found.touched.update(dict.fromkeys(self._queries.values()))
             return found
+        if change.moves_graphs:
+            found.touched.update((s, None) for s in self if s.query.reads_graphs)
         if change.commit.statements:
             found.touched.update(self._by_outside.touched(change.outside_statements))
         for event in change.events:

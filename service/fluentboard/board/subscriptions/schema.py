@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
+from typing import Any
 
 import pyoxigraph as ox
 
 from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.subscriptions.results import Bag, bag_of
+from fluentboard.board.time_functions import mentions_functions, time_functions
 from fluentboard.board.vocabulary import (
     PROPER_SUB_CLASS_OF,
     SUB_CLASS_OF_OR_SAME,
     Vocabulary,
 )
+from fluentboard.model.fluent import Fluent
+from fluentboard.model.relations import Bounds
+from fluentboard.model.relations import bounds_of as bounds_of_fluent
 from fluentboard_ontology import PREFIXES
 
 CLOSURE = frozenset({f"<{PROPER_SUB_CLASS_OF}>", f"<{SUB_CLASS_OF_OR_SAME}>"})
@@ -42,11 +48,17 @@ class Schema:
         """The query with class paths replaced by closure predicates, as the board does."""
         return use_class_closure(query, PREFIXES, self.vocabulary.is_node)
 
-    def evaluate(self, query: str, fluent: Sequence[ox.Quad]) -> Bag:
-        """The answer to a query if the board held the class hierarchy and one fluent alone."""
+    def evaluate(self, query: str, statements: Sequence[ox.Quad], fluent: Fluent | None) -> Bag:
+        """The answer to a query if the board held the class hierarchy and one fluent alone.
+
+        Args:
+            query: SPARQL text over the materialised hierarchy.
+            statements: what the fluent says; the same object for the same fluent.
+            fluent: the fluent, or None for none.
+        """
         if self._trial is None:
             self._trial = _Trial(self._closure)
-        return self._trial.evaluate(query, fluent)
+        return self._trial.evaluate(query, statements, fluent)
 
 
 class _Trial:
@@ -56,14 +68,23 @@ class _Trial:
         text = "".join(f"{s} {p} {o} .\n" for s, p, o in closure)
         self._store = ox.Store()
         self._store.extend(list(ox.parse(text, format=ox.RdfFormat.N_TRIPLES)))
-        self._prefixes: Mapping[str, str] = dict(PREFIXES)
-        self._fluent: Sequence[ox.Quad] = ()
+        self._statements: Sequence[ox.Quad] = ()
 
-    def evaluate(self, query: str, fluent: Sequence[ox.Quad]) -> Bag:
+    def evaluate(self, query: str, statements: Sequence[ox.Quad], fluent: Fluent | None) -> Bag:
         # Many queries are tried on the same fluent in a row.
-        if fluent is not self._fluent:
-            for quad in self._fluent:
+        if statements is not self._statements:
+            for quad in self._statements:
                 self._store.remove(quad)
-            self._store.extend(fluent)
-            self._fluent = fluent
-        return bag_of(self._store.query(query, prefixes=dict(self._prefixes)))
+            self._store.extend(statements)
+            self._statements = statements
+        options: dict[str, Any] = {}
+        if mentions_functions(query):
+
+            def bounds_of(name: str) -> Bounds | None:
+                if fluent is None or name != fluent.name:
+                    return None
+                return bounds_of_fluent(fluent)
+
+            # Queries that ask for the present are not tried here.
+            options["custom_functions"] = time_functions(query, bounds_of, math.nan)
+        return bag_of(self._store.query(query, prefixes=dict(PREFIXES), **options))

@@ -191,6 +191,8 @@ def semi_naive(query: ParsedQuery, select: Select, schema: Schema) -> SemiNaive:
         if isinstance(part, Triples):
             patterns += part.patterns
         elif isinstance(part, Filter) and not part.expression.exists:
+            if part.expression.calls:
+                raise NotASum("its filters look at fluents that the join may not use")
             filters.append(part)
         else:
             raise NotASum("it is more than a conjunction of triple patterns and filters")

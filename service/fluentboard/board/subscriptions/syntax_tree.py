@@ -6,14 +6,16 @@ nested EXISTS, GRAPH with an empty pattern) that an answer depends on.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, cast
 
 from rdflib import BNode
 from rdflib.plugins.sparql import algebra
 from rdflib.plugins.sparql.parser import parseQuery
+from rdflib.plugins.sparql.parserutils import CompValue
 
-from fluentboard_ontology import PREFIXES
+from fluentboard_ontology import PREFIXES, XSD
 
 
 @lru_cache(maxsize=64)
@@ -30,6 +32,18 @@ def tree_of(text: str) -> Any:
     prologue = tools.translatePrologue(parsed[0], None, dict(PREFIXES))
     tree = tools.traverse(parsed[1], visitPost=partial(tools.translatePName, prologue=prologue))
     return tools.traverse(tree, visitPost=tools.translatePath)
+
+
+def calls_of(tree: Any) -> frozenset[str]:
+    """IRIs of all functions that are called by IRI, casts to XSD types aside."""
+    if isinstance(tree, CompValue):
+        items = cast("Mapping[str, Any]", tree)
+        found = frozenset[str]().union(*map(calls_of, items.values()))
+        called = str(items["iri"]) if str(tree.name) == "Function" else XSD
+        return found if called.startswith(XSD) else found | {called}
+    if isinstance(tree, (list, tuple)):
+        return frozenset[str]().union(*map(calls_of, cast("Iterable[Any]", tree)))
+    return frozenset()
 
 
 def template_makes_blank_nodes(tree: Any) -> bool:

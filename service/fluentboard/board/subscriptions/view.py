@@ -14,11 +14,10 @@ from typing import Literal
 import pyoxigraph as ox
 
 from fluentboard.board.subscriptions.patterns import Const, Pattern, Select, Var
-from fluentboard.board.subscriptions.query import ParsedQuery
+from fluentboard.board.subscriptions.query import ParsedQuery, parse
 from fluentboard.board.subscriptions.results import Bag, Difference, Solution, Term
 from fluentboard.board.subscriptions.sparql_text import as_select_all, without_distinct
 from fluentboard.board.subscriptions.terms import term_of
-from fluentboard_ontology import PREFIXES
 
 Kind = Literal["bag", "set", "any"]
 
@@ -108,9 +107,7 @@ def view_of(query: ParsedQuery, select: Select) -> View | None:
 
 
 def _columns(text: str) -> tuple[str, ...]:
-    results = ox.Store().query(text, prefixes=dict(PREFIXES))
-    assert isinstance(results, ox.QuerySolutions)
-    return tuple(variable.value for variable in results.variables)
+    return parse(text).variables
 
 
 def _instance(pattern: Pattern, bound: Mapping[str, Term | None]) -> Solution | None:

@@ -6,6 +6,7 @@ import pytest
 
 from fluentboard.board.subscriptions.footprint import Footprint, Shape
 from fluentboard.board.subscriptions.query import parse
+from fluentboard.board.triples import ENDPOINTS
 from fluentboard_ontology import FLUENT, RACE, UPPER
 
 TYPE = "<http://www.w3.org/1999/02/22-rdf-syntax-ns#type>"
@@ -78,6 +79,18 @@ def test_unbounded_patterns_depend_on_everything_and_say_why(pattern: str) -> No
     found = footprint(pattern)
     assert found.is_everything
     assert found.why_everything
+
+
+def test_functions_of_the_board_depend_on_end_points() -> None:
+    ends = {(None, f"<{iri}>", None) for iri in ENDPOINTS}
+    cast, now = "FILTER(xsd:integer(?y) > 3)", "FILTER(?y < fb:now())"
+    assert footprint(f"?x upper:a ?y {cast} {now}").shapes == {(None, A, None)}
+    holding = "FILTER NOT EXISTS { ?x upper:b ?z FILTER(fb:holdsAt(?x, 3)) }"
+    assert footprint(f"?x upper:a ?y {holding}").shapes == {
+        (None, A, None),
+        (None, B, None),
+        *ends,
+    }
 
 
 @pytest.mark.parametrize(

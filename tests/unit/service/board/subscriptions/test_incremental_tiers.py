@@ -148,6 +148,14 @@ def test_end_of_a_fluent_takes_it_out_of_the_open_ones(
     assert counts(effect(chosen, change)) == ([], [1])
 
 
+def test_fluent_that_ends_holds_no_more(plan_of: PlanOf, change_of: ChangeOf) -> None:
+    chosen = plan_of("SELECT ?x { ?x a race:Mug FILTER(fb:holdsAt(?x, 30)) }")
+    added = change_of(AssertFluent(Fluent("mug1", "Mug", Interval.at(10.0))))
+    ended = change_of(EndFluent("mug1", Interval.at(20.0)))
+    assert counts(effect(chosen, added)) == ([1], [])
+    assert counts(effect(chosen, ended)) == ([], [1])
+
+
 def test_aggregate_over_one_named_fluent_is_recounted(plan_of: PlanOf, change_of: ChangeOf) -> None:
     chosen = plan_of("SELECT (COUNT(*) AS ?n) { fluent:mug1 upper:onTop ?t }")
     change = effect(chosen, change_of(AssertFluent(mug(on("a"), on("b")))))

@@ -59,6 +59,20 @@ def test_query_that_makes_blank_nodes_is_noticed(query: str, makes: bool) -> Non
     assert parse(query).makes_blank_nodes is makes
 
 
+def test_query_that_looks_into_named_graphs_is_noticed() -> None:
+    assert parse("ASK { GRAPH ?g { FILTER NOT EXISTS { ?x upper:a ?y } } }").reads_graphs
+    assert parse("ASK FROM <urn:g> { ?x upper:a ?y }").reads_graphs
+    assert not parse("ASK { ?graph upper:from <urn:from> }").reads_graphs
+
+
+def test_functions_of_the_board_are_known_and_others_refused() -> None:
+    assert parse("ASK { ?x a race:Mug FILTER(fb:holdsAt(?x, 3)) }").calls
+    assert not parse("ASK { ?x upper:a ?y FILTER(xsd:integer(?y) > 3) }").calls
+    with pytest.raises(InvalidQuery, match="cannot be evaluated"):
+        parse("ASK { ?x a race:Mug FILTER(<urn:f>(?x)) }")
+
+
 def test_now_is_allowed_but_noticed() -> None:
+    assert not parse("SELECT (fb:now() AS ?n) { ?x a race:Mug }").is_timeless
     assert not parse("SELECT (NOW() AS ?n) { ?x a race:Mug }").is_timeless
     assert parse("SELECT ?now { ?now a race:Mug }").is_timeless

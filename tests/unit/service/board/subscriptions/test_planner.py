@@ -50,6 +50,9 @@ def test_star_is_matched_without_sparql(plan_of: PlanOf, query: str) -> None:
         "SELECT (COUNT(*) AS ?n) { fluent:mug1 ?p ?o }",
         "SELECT ?p { fluent:mug1 ?p ?o } ORDER BY ?p LIMIT 1",
         'SELECT ?x { ?x upper:label "tasse"@fr }',
+        "SELECT ?x { ?x a race:Mug FILTER(fb:certainlyHoldsAt(?x, 30)) }",
+        "SELECT ?x { ?x upper:since ?t FILTER(fb:holdsAt(?x, ?t)) }",
+        "SELECT ?x (fb:durationMin(?x) AS ?d) { ?x a race:Mug FILTER(fb:possiblyBefore(?x, 3)) }",
     ],
 )
 def test_query_about_single_fluents_is_tried_on_the_changed_one(
@@ -99,6 +102,11 @@ def test_join_is_evaluated_for_the_changed_statements(plan_of: PlanOf, query: st
             "LIMIT",
         ),
         ("SELECT ?x { fluent:mug1 upper:near ?x FILTER EXISTS { ?x a race:Mug } }", ""),
+        ("SELECT ?x { ?x upper:near ?y FILTER(fb:holdsAt(?y, 30)) }", ""),
+        ("SELECT ?x { ?x upper:near ?y FILTER(fb:possiblyBefore(?x, ?y)) }", ""),
+        ("SELECT ?x { ?x a race:Mug FILTER(fb:possiblyBefore(?x, fluent:mug1)) }", ""),
+        ("SELECT ?x { ?x a race:Mug FILTER(fb:holdsAt(?x, fb:now())) }", ""),
+        ("SELECT ?x { ?x upper:near ?y . ?y a race:Mug FILTER(fb:holdsAt(?x, 3)) }", "filters"),
         ("SELECT ?x { ?x a race:Mug LATERAL { ?x upper:near ?y } }", "does not understand"),
     ],
 )
