@@ -22,10 +22,12 @@ logger = logging.getLogger(__name__)
 
 SEEN_FROM_ALL_SIDES = frozenset({"Table"})
 SEEN_FROM_THE_FRONT = frozenset({"Shelf", "Counter", "Cabinet", "Desk"})
+WITH_A_TOP = frozenset({"Table", "Counter", "Desk"})
 SEEN = SEEN_FROM_ALL_SIDES | SEEN_FROM_THE_FRONT | {"Chair"}
 
 _LEVEL = -0.05
 _STEEPEST = 0.95
+_GRAZING_RAD = 0.4
 _FITS_RAD = 0.75  # of the 0.86 rad that a Kinect sees vertically
 
 
@@ -167,12 +169,21 @@ def _best_stop(
                 - 0.25 * abs(angle - side_rad)
                 - 0.25 * abs(distance - comfortable)
                 - 2.0 * max(lowest - highest - _FITS_RAD, 0.0)
+                - 2.0 * _grazing_rad(instance, height_m, float(distance))
             )
             if best is None or score > best[0]:
                 tilt = min(max(0.5 * (lowest + highest), _LEVEL), _STEEPEST)
                 yaw = math.atan2(float(centre[1]) - y, float(centre[0]) - x)
                 best = score, Stop(x, y, yaw, tilt, instance.name)
     return None if best is None else best[1]
+
+
+def _grazing_rad(instance: Instance, height_m: float, distance_m: float) -> float:
+    """By how much a top is seen too flatly: the sensor loses grazing surfaces (Nguyen 2012)."""
+    if instance.cls not in WITH_A_TOP:
+        return 0.0
+    above = height_m - float(instance.bounds_map[1, 2])
+    return max(_GRAZING_RAD - math.atan2(above, distance_m), 0.0)
 
 
 def _visible_share(instance: Instance, eye: FloatArray, caster: SceneCaster) -> float:
