@@ -30,6 +30,8 @@ COMMANDS = (
     "frames info",
     "frames view",
     "frames record",
+    "frames publish",
+    "up",
     "demo",
 )
 """All commands, in the order of the page; the empty one is `fluentboard` itself."""

@@ -17,6 +17,7 @@ from fluentboard_modules.command_options import (
     needs_extra,
 )
 from fluentboard_modules.frames import commands as frame_commands
+from fluentboard_modules.supervision import commands as supervision_commands
 
 Frames = Annotated[
     str,
@@ -62,6 +63,7 @@ def register(app: typer.Typer) -> None:
         "fluentboard demo --frames ./kitchen --gravity ./kitchen/gravity-direction.txt",
     )(demo)
     frame_commands.register(app)
+    supervision_commands.register(app)
 
 
 def work_mapping(

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fluentboard_modules.command_options import (
+    DEFAULT_BOARD,
+    Board,
     Source,
     Start,
+    Token,
     Verbose,
     log_to_stderr,
     needs_extra,
@@ -21,7 +24,9 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Adds the group `frames` to the app of `fluentboard`."""
-    frames = typer.Typer(help="Look into a source of frames, or copy it.", no_args_is_help=True)
+    frames = typer.Typer(
+        help="Look into a source of frames, copy it, or send it to a board.", no_args_is_help=True
+    )
     frames.command(
         "info",
         epilog="Examples:\n\nfluentboard frames info ./kitchen\n\n"
@@ -36,6 +41,11 @@ def register(app: typer.Typer) -> None:
         "fluentboard frames record ./kitchen kitchen.mcap\n\n"
         "fluentboard frames record drive.bag ./drive --layout open3d",
     )(record)
+    frames.command(
+        "publish",
+        epilog="Examples:\n\nfluentboard frames publish sim:restaurant --sensor head\n\n"
+        "fluentboard frames publish drive.bag --sensor head --rate 10 --loop",
+    )(publish)
     app.add_typer(frames, name="frames")
 
 
@@ -100,6 +110,53 @@ def record(
             lambda done, total: bar.update(task, completed=done, total=total),
         )
     typer.echo(f"{count} frames written to {output}")
+
+
+def publish(
+    source: Source,
+    sensor: Annotated[str, typer.Option(metavar="NAME", help="Name of the sensor.")] = "camera",
+    board: Board = DEFAULT_BOARD,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", min=0.001, help="Frames per second. Default: as fast as they were taken."
+        ),
+    ] = None,
+    keep_stamps: Annotated[
+        bool,
+        typer.Option("--keep-stamps", help="Leave the stamps. Default: taken when sent."),
+    ] = False,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
+    token: Token = None,
+    verbose: Verbose = False,
+) -> None:
+    """Send the frames of a source to a board, as a robot does, until its end or Ctrl-C."""
+    log_to_stderr(verbose)
+    with needs_extra("mapping"):
+        from fluentboard_modules.frames.live import FramePublisher
+        from fluentboard_modules.frames.live import publish as publish_source
+        from fluentboard_modules.frames.sources import open_source
+        from fluentboard_modules.worker import stop_on_signals
+    opened = open_source(source)
+    count = 0
+    with (
+        FramePublisher(board, sensor, token=token) as publisher,
+        stop_on_signals() as stop,
+        _bar() as bar,
+    ):
+        task = bar.add_task(f"to {sensor}", total=None)
+        while True:
+            count += publish_source(
+                opened,
+                publisher,
+                rate_hz=rate,
+                keep_stamps=keep_stamps,
+                is_stopped=stop.wait,
+                sent=lambda done: bar.update(task, completed=done),
+            )
+            if stop.is_asked or not loop:
+                break
+    typer.echo(f"{count} frames sent to {publisher.board}/frames/{sensor}")
 
 
 def _bar() -> Progress:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from types import TracebackType
 from typing import Self
 from urllib.parse import unquote, urlsplit
 
@@ -58,7 +59,8 @@ class LiveFrames:
         self.sensor = sensor
         self.dropped = 0
         self._stopped = threading.Event()
-        self._http = _client(self.board, token, transport)
+        self._token = token
+        self._transport = transport
         self._said_s = -_SAY_EVERY_S
 
     @classmethod
@@ -93,35 +95,36 @@ class LiveFrames:
     def __iter__(self) -> Iterator[SensorFrame]:
         after: int | None = None
         is_silent = False
-        while not self._stopped.is_set():
-            reply = self._ask(after)
-            if reply is None:
-                return
-            if reply.status_code == 204:
-                if after is None and not is_silent:
-                    is_silent = True
-                    self._say_silent()
-                continue
-            before, after = after, int(reply.headers["X-Frame-Index"])
-            self._count_skipped(before, after)
-            try:
-                frame = frame_of(unpack_frame(reply.content), self.sensor, after)
-            except FluentboardError as problem:
-                logger.warning("%s: frame %d skipped: %s", self.name, after, problem.message)
-                continue
-            yield frame
+        with _client(self.board, self._token, self._transport) as http:
+            while not self._stopped.is_set():
+                reply = self._ask(http, after)
+                if reply is None:
+                    return
+                if reply.status_code == 204:
+                    if after is None and not is_silent:
+                        is_silent = True
+                        self._say_silent(http)
+                    continue
+                before, after = after, int(reply.headers["X-Frame-Index"])
+                self._count_skipped(before, after)
+                try:
+                    frame = frame_of(unpack_frame(reply.content), self.sensor, after)
+                except FluentboardError as problem:
+                    logger.warning("%s: frame %d skipped: %s", self.name, after, problem.message)
+                    continue
+                yield frame
 
     def stop(self) -> None:
         """Ends the iteration after the frame at hand, or while none comes; from any thread."""
         self._stopped.set()
 
-    def _ask(self, after: int | None) -> httpx.Response | None:
+    def _ask(self, http: httpx.Client, after: int | None) -> httpx.Response | None:
         """The next frame or 204; None when told to stop while the board is away."""
         params = {"wait": str(_WAIT_S)} | ({} if after is None else {"after": str(after)})
         wait_s = _FIRST_RETRY_S
         while True:
             try:
-                reply = self._http.get(f"/frames/{self.sensor}", params=params)
+                reply = http.get(f"/frames/{self.sensor}", params=params)
                 # A board that is starting or stopping behind a proxy: the same as no board.
                 if reply.status_code not in (502, 503, 504):
                     exchange.check(reply, self.board)
@@ -149,8 +152,8 @@ class LiveFrames:
                 self.dropped,
             )
 
-    def _say_silent(self) -> None:
-        reply = self._http.get("/frames")
+    def _say_silent(self, http: httpx.Client) -> None:
+        reply = http.get("/frames")
         exchange.check(reply, self.board)
         known = [entry["sensor"] for entry in reply.json()["sensors"]]
         logger.warning(
@@ -161,7 +164,7 @@ class LiveFrames:
 
 
 class FramePublisher:
-    """Sends frames to a board, as a robot does.
+    """Sends frames to a board, as a robot does. As a context manager it closes its connections.
 
     Args:
         board: address of the board.
@@ -199,6 +202,21 @@ class FramePublisher:
         exchange.check(reply, self.board)
         return int(reply.json()["index"])
 
+    def close(self) -> None:
+        """Closes the connections."""
+        self._http.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
 
 def publish(
     source: FrameSource,
@@ -218,7 +236,7 @@ def publish(
         source: its frames.
         publisher: where they go.
         rate_hz: frames per second; by default as their stamps say.
-        keep_stamps: leave the stamps; by default the first frame is taken now.
+        keep_stamps: leave the stamps; by default the frames are taken while they are sent.
         is_stopped: waits for so many seconds, and says whether to stop.
         sent: called with the number of frames sent so far.
         clock: says what now is.
@@ -230,17 +248,17 @@ def publish(
     count = 0
     began_s = time.monotonic()
     first: SensorFrame | None = None
-    shift_s = 0.0
+    now_s = 0.0
     for position, frame in enumerate(source):
         if first is None:
             first = frame
-            began_s = time.monotonic()
-            shift_s = 0.0 if keep_stamps else clock.now_s() - frame.stamp_s
+            began_s, now_s = time.monotonic(), clock.now_s()
         due_s = frame.stamp_s - first.stamp_s if rate_hz is None else position / rate_hz
         if is_stopped(max(0.0, began_s + due_s - time.monotonic())):
             break
         try:
-            publisher.send(replace(frame, stamp_s=frame.stamp_s + shift_s))
+            stamp_s = frame.stamp_s if keep_stamps else now_s + due_s
+            publisher.send(replace(frame, stamp_s=stamp_s))
         except BoardUnreachable as problem:
             logger.warning("%s: frame %d lost: %s", source.name, frame.index, problem.message)
             continue

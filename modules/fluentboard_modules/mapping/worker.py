@@ -188,7 +188,9 @@ def run_mapping(
     config = MappingConfig()
     with stop_on_signals() as stop:
         source, T_map_world = place(
-            open_source(frames, start_s=start_s), config, gravity and read_gravity(gravity)
+            open_source(frames, start_s=start_s, token=token),
+            config,
+            gravity and read_gravity(gravity),
         )
         if frame_out is not None:
             write_transform(frame_out, T_map_world)

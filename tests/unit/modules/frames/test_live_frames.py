@@ -209,6 +209,18 @@ def test_frames_are_sent_as_if_they_were_taken_now(made: Any) -> None:
     assert 0.3 < waits[4] <= 0.4
 
 
+def test_stamps_follow_the_rate(made: Any) -> None:
+    board = Taker()
+    publish(
+        made,
+        board.publisher(),
+        rate_hz=2.0,
+        is_stopped=lambda _: False,
+        clock=ReplayClock(500.0),
+    )
+    assert np.allclose(board.stamps_s, 500.0 + 0.5 * np.arange(5))
+
+
 def test_stamps_and_rate_may_be_chosen(made: Any) -> None:
     board, waits = Taker(), list[float]()
 

@@ -1,0 +1,1 @@
+"""`fluentboard up`: a board and its workers as one, restarted when they crash."""
