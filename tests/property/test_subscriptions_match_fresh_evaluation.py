@@ -353,7 +353,7 @@ def witnessed(folder: Path, **limits: float) -> Generator[tuple[Witness, Subscri
         witness.board.close()
 
 
-@settings(max_examples=25, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=20, phases=(Phase.explicit, Phase.generate))
 @given(
     first_tier=st.sampled_from([1, 2, 3, 4]),
     before=st.lists(_step, max_size=3),
@@ -376,7 +376,7 @@ def test_snapshot_and_deltas_lead_to_the_fresh_result(
             assert follow(subscription.poll(), truth) == truth[witness.board.commit], name
 
 
-@settings(max_examples=25, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=12, phases=(Phase.explicit, Phase.generate))
 @given(
     limits=st.sampled_from(
         [{}, {"linger_s": 0.0}, {"ring_deltas": 1}, {"replay_commits": 0}, {"queue_messages": 2}]
@@ -434,7 +434,7 @@ def follow_until(
     return state, commit
 
 
-@settings(max_examples=4, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=3, phases=(Phase.explicit, Phase.generate))
 @given(first_tier=st.sampled_from([1, 3, 4]), steps=st.lists(_step, min_size=20, max_size=30))
 def test_writers_that_do_not_wait_lead_to_the_same_result(
     folder: Path, first_tier: int, steps: list[Step]
