@@ -12,6 +12,7 @@ from fluentboard_client.client import Client
 from fluentboard_client.commands import AssertFluent, Command, EndFluent, RefineFluent
 from fluentboard_client.conversation import Delta, Event, Gap, Lagged, Snapshot
 from fluentboard_client.exchange import FluentChange, Receipt
+from fluentboard_client.frames import FrameClient, ReceivedFrame
 from fluentboard_client.results import BlankNode, Iri, Row, Term, row_text, term_text
 
 __all__ = [
@@ -24,10 +25,12 @@ __all__ = [
     "EndFluent",
     "Event",
     "FluentChange",
+    "FrameClient",
     "Gap",
     "Iri",
     "Lagged",
     "Receipt",
+    "ReceivedFrame",
     "RefineFluent",
     "Row",
     "Snapshot",

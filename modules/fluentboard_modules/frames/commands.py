@@ -156,7 +156,7 @@ def publish(
             )
             if stop.is_asked or not loop:
                 break
-    typer.echo(f"{count} frames sent to {publisher.board}/frames/{sensor}")
+    typer.echo(f"{count} frames sent to {publisher.address}")
 
 
 def _bar() -> Progress:

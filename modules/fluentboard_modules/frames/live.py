@@ -16,8 +16,8 @@ import httpx
 
 from fluentboard.clock import Clock, SystemClock
 from fluentboard.errors import BoardUnreachable, FluentboardError, InvalidInput
-from fluentboard.model.frame_message import MEDIA_TYPE, pack_frame, unpack_frame
-from fluentboard_client import exchange
+from fluentboard.model.frame_message import pack_frame, unpack_frame
+from fluentboard_client import FrameClient, ReceivedFrame
 from fluentboard_modules.frames.frame_encoding import frame_of, message_of
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
 
@@ -26,7 +26,6 @@ logger = logging.getLogger(__name__)
 # Asked for so long at a time, so that a worker that is told to stop does so soon.
 _WAIT_S = 1.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 0.2, 5.0
-_TIMEOUT_S = 30.0
 _SAY_EVERY_S = 10.0
 _PATH = re.compile(r"(?P<base>.*)/frames/(?P<sensor>[^/]+)/?")
 
@@ -55,12 +54,12 @@ class LiveFrames:
         token: str | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self.board = exchange.board_address(board)
+        self.board = board.rstrip("/")
         self.sensor = sensor
         self.dropped = 0
-        self._stopped = threading.Event()
         self._token = token
         self._transport = transport
+        self._stopped = threading.Event()
         self._said_s = -_SAY_EVERY_S
 
     @classmethod
@@ -95,20 +94,20 @@ class LiveFrames:
     def __iter__(self) -> Iterator[SensorFrame]:
         after: int | None = None
         is_silent = False
-        with _client(self.board, self._token, self._transport) as http:
+        with FrameClient(
+            self.board, self.sensor, token=self._token, transport=self._transport
+        ) as sensor:
             while not self._stopped.is_set():
-                reply = self._ask(http, after)
-                if reply is None:
-                    return
-                if reply.status_code == 204:
-                    if after is None and not is_silent:
+                received = self._next(sensor, after)
+                if received is None:
+                    if after is None and not (is_silent or self._stopped.is_set()):
                         is_silent = True
-                        self._say_silent(http)
+                        self._say_silent(sensor)
                     continue
-                before, after = after, int(reply.headers["X-Frame-Index"])
+                before, after = after, received.index
                 self._count_skipped(before, after)
                 try:
-                    frame = frame_of(unpack_frame(reply.content), self.sensor, after)
+                    frame = frame_of(unpack_frame(received.content), self.sensor, after)
                 except FluentboardError as problem:
                     logger.warning("%s: frame %d skipped: %s", self.name, after, problem.message)
                     continue
@@ -118,22 +117,15 @@ class LiveFrames:
         """Ends the iteration after the frame at hand, or while none comes; from any thread."""
         self._stopped.set()
 
-    def _ask(self, http: httpx.Client, after: int | None) -> httpx.Response | None:
-        """The next frame or 204; None when told to stop while the board is away."""
-        params = {"wait": str(_WAIT_S)} | ({} if after is None else {"after": str(after)})
+    def _next(self, sensor: FrameClient, after: int | None) -> ReceivedFrame | None:
+        """The next frame; None if none came in time, or when told to stop while waiting."""
         wait_s = _FIRST_RETRY_S
         while True:
             try:
-                reply = http.get(f"/frames/{self.sensor}", params=params)
-                # A board that is starting or stopping behind a proxy: the same as no board.
-                if reply.status_code not in (502, 503, 504):
-                    exchange.check(reply, self.board)
-                    return reply
-                problem = f"status {reply.status_code}"
-            except httpx.TransportError as failure:
-                problem = str(failure) or type(failure).__name__
-            if wait_s == _FIRST_RETRY_S:
-                logger.warning("%s: the board is away (%s); waiting for it", self.name, problem)
+                return sensor.newest(after, _WAIT_S)
+            except BoardUnreachable as problem:
+                if wait_s == _FIRST_RETRY_S:
+                    logger.warning("%s: waiting for the board: %s", self.name, problem.message)
             if self._stopped.wait(wait_s):
                 return None
             wait_s = min(2.0 * wait_s, _LONGEST_RETRY_S)
@@ -152,15 +144,12 @@ class LiveFrames:
                 self.dropped,
             )
 
-    def _say_silent(self, http: httpx.Client) -> None:
-        reply = http.get("/frames")
-        exchange.check(reply, self.board)
-        known = [entry["sensor"] for entry in reply.json()["sensors"]]
-        logger.warning(
-            "%s: no frame yet; sensors that have sent some: %s",
-            self.name,
-            ", ".join(known) or "none",
-        )
+    def _say_silent(self, sensor: FrameClient) -> None:
+        try:
+            known = ", ".join(sensor.sensors()) or "none"
+        except BoardUnreachable:
+            return  # the next request for a frame says so
+        logger.warning("%s: no frame yet; sensors that have sent some: %s", self.name, known)
 
 
 class FramePublisher:
@@ -181,9 +170,12 @@ class FramePublisher:
         token: str | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self.board = exchange.board_address(board)
-        self._path = f"/frames/{sensor}"
-        self._http = _client(self.board, token, transport)
+        self._sensor = FrameClient(board, sensor, token=token, transport=transport)
+
+    @property
+    def address(self) -> str:
+        """Where the frames go."""
+        return self._sensor.address
 
     def send(self, frame: SensorFrame) -> int:
         """Sends one frame; returns the number that the board gave it.
@@ -192,19 +184,11 @@ class FramePublisher:
             BoardUnreachable: the board is away.
             FluentboardError: it refuses the frame.
         """
-        content = pack_frame(message_of(frame))
-        try:
-            reply = self._http.post(
-                self._path, content=content, headers={"Content-Type": MEDIA_TYPE}
-            )
-        except httpx.TransportError as failure:
-            raise exchange.unreachable(self.board, failure, 1) from failure
-        exchange.check(reply, self.board)
-        return int(reply.json()["index"])
+        return self._sensor.send(pack_frame(message_of(frame)))
 
     def close(self) -> None:
         """Closes the connections."""
-        self._http.close()
+        self._sensor.close()
 
     def __enter__(self) -> Self:
         return self
@@ -265,13 +249,3 @@ def publish(
         count += 1
         sent(count)
     return count
-
-
-def _client(board: str, token: str | None, transport: httpx.BaseTransport | None) -> httpx.Client:
-    return httpx.Client(
-        base_url=board,
-        headers=exchange.headers("", token),
-        timeout=_TIMEOUT_S,
-        transport=transport,
-        trust_env=not exchange.is_loopback(board),
-    )

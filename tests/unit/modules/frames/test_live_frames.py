@@ -93,13 +93,16 @@ def test_absent_board_is_waited_for(
             case 0:
                 raise httpx.ConnectError("Connection refused", request=request)
             case 1:
-                return httpx.Response(503)
+                problem = {"code": "board-unreachable", "message": "starting", "status": 503}
+                return httpx.Response(503, json=problem)
             case _:
                 return reply(made.frames[0], 3)
 
     (frame,) = itertools.islice(source(answer), 1)
     assert frame.index == 3
-    assert "the board is away (Connection refused); waiting for it" in caplog.text
+    assert (
+        "waiting for the board: http://board cannot be reached: Connection refused" in caplog.text
+    )
 
 
 def test_silent_sensor_is_remarked_with_the_sensors_there_are(
