@@ -69,7 +69,12 @@ class Blackboard:
         self._projector = Projector(projections)
         self._views = TimeViews(projections, self._projector, clock)
         self._listing = Listing(projections, self._projector)
-        self._writer = Writer(projections, self._projector, clock)
+        self._writer = Writer(
+            projections,
+            self._projector,
+            clock,
+            waits_for_disk=self._journal.waits_for_disk,
+        )
         self.graphs = Graphs(projections, self._projector, self._writer, self._rewritten)
 
     @classmethod

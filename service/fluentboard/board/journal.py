@@ -89,6 +89,7 @@ class SqliteJournal:
 
     def __init__(self, path: Path | None, durability: Durability = "disk") -> None:
         self._path = path
+        self.waits_for_disk = path is not None and durability == "disk"
         self._local = threading.local()
         self._connections: list[sqlite3.Connection] = []
         self._guard = threading.Lock()

@@ -20,6 +20,7 @@ Listener = Callable[[Sequence[Commit]], None]
 
 _WAITING_EVENTS_MAX = 50_000
 _GROUP_EVENTS_MAX = 20_000
+_LINGER_S = 0.002
 
 
 class Projector:
@@ -27,7 +28,11 @@ class Projector:
 
     def __init__(self, projections: Projections) -> None:
         self._projections = projections
-        self._changed = threading.Condition()
+        lock = threading.Lock()
+        self._changed = threading.Condition(lock)
+        self._arrived = threading.Condition(lock)
+        self._urgent = threading.Condition(lock)
+        self._readers = 0
         self._waiting: list[Commit] = []
         self._waiting_events = 0
         self._closing = False
@@ -42,9 +47,17 @@ class Projector:
             self._changed.wait_for(
                 lambda: self._waiting_events < _WAITING_EVENTS_MAX or self.failure is not None
             )
+            if not self._waiting:
+                self._arrived.notify()
             self._waiting.extend(commits)
             self._waiting_events += sum(len(commit.events) for commit in commits)
-            self._changed.notify_all()
+            if self._waiting_events >= _GROUP_EVENTS_MAX:
+                self._urgent.notify()
+
+    @property
+    def is_behind(self) -> bool:
+        """So much waits that who hands over more may have to wait too."""
+        return self._waiting_events >= _WAITING_EVENTS_MAX // 2
 
     def wait_for(self, commit: int) -> None:
         """Returns when the RDF store has applied a commit.
@@ -55,9 +68,12 @@ class Projector:
         if self._projections.store.applied >= commit:
             return
         with self._changed:
+            self._readers += 1
+            self._urgent.notify()
             self._changed.wait_for(
                 lambda: self._projections.store.applied >= commit or self.failure is not None
             )
+            self._readers -= 1
             if self.failure is not None and self._projections.store.applied < commit:
                 raise StorageFailed(self.failure)
 
@@ -76,15 +92,19 @@ class Projector:
         """Applies what is in the queue and stops."""
         with self._changed:
             self._closing = True
-            self._changed.notify_all()
+            self._arrived.notify()
+            self._urgent.notify()
         self._thread.join()
 
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._waiting or self._closing)
+                self._arrived.wait_for(lambda: self._waiting or self._closing)
                 if not self._waiting:
                     return
+                # Nobody reads: a moment later there may be more to apply in the same transaction,
+                # and the writers have the interpreter to themselves meanwhile.
+                self._urgent.wait_for(self._is_urgent, _LINGER_S)
                 group = self._next_group()
             try:
                 self._projections.project(group)
@@ -110,6 +130,9 @@ class Projector:
                     listener(group)
                 except Exception:
                     logger.exception("a listener failed on commit %s", group[-1].number)
+
+    def _is_urgent(self) -> bool:
+        return self._readers > 0 or self._closing or self._waiting_events >= _GROUP_EVENTS_MAX
 
     def _next_group(self) -> list[Commit]:
         count = events = 0

@@ -27,6 +27,7 @@ logger = logging.getLogger(__name__)
 
 _GROUP_REQUESTS_MAX = 256
 _GROUP_COMMANDS_MAX = 20_000
+_AT_ONCE_COMMANDS_MAX = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +59,34 @@ class Writer:
 
     Each request becomes one commit with its own number, or is refused on its own; a refused request
     does not disturb the others of its group.
+
+    Args:
+        projections: what follows the journal.
+        projector: brings up the RDF store.
+        clock: gives the transaction times.
+        waits_for_disk: appending takes as long as the disk does. If not, a short request that finds
+            the writer idle is carried out in the caller's thread: two changes of thread would take
+            longer than the work.
     """
 
-    def __init__(self, projections: Projections, projector: Projector, clock: Clock) -> None:
+    def __init__(
+        self,
+        projections: Projections,
+        projector: Projector,
+        clock: Clock,
+        *,
+        waits_for_disk: bool = True,
+    ) -> None:
+        self._waits_for_disk = waits_for_disk
+        self._committing = threading.Lock()
+        self._outstanding = 0
         self._projections = projections
         self._projector = projector
         self._journal = projections.journal
         self._clock = clock
         self._waiting: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
         self._held: Request | None = None
-        self._guard = threading.Lock()
+        self._guard = threading.Condition(threading.Lock())
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="fluentboard-writer", daemon=True)
         self._thread.start()
@@ -77,9 +96,23 @@ class Writer:
         with self._guard:
             if self._closed:
                 request.answer.set_exception(StorageFailed("the board is closed; open it again"))
-            else:
+                return request.answer
+            at_once = self._outstanding == 0 and self._is_short(request)
+            self._outstanding += 1
+            if not at_once:
                 self._waiting.put(request)
+        if at_once:
+            self._carry_out([request])
         return request.answer
+
+    def _is_short(self, request: Request) -> bool:
+        return (
+            not self._waits_for_disk
+            and request.derive is None
+            and not request.statements
+            and len(request.commands) <= _AT_ONCE_COMMANDS_MAX
+            and not self._projector.is_behind
+        )
 
     def close(self) -> bool:
         """Finishes what was queued and stops; False if it was closed before."""
@@ -89,21 +122,32 @@ class Writer:
             self._closed = True
             self._waiting.put(None)
         self._thread.join()
+        with self._guard:
+            self._guard.wait_for(lambda: self._outstanding == 0)
         return True
 
     def _run(self) -> None:
         while True:
             group, stopping = self._next_group()
             if group:
-                try:
-                    self._commit(group)
-                except BaseException as problem:
-                    logger.exception("the writer met an unexpected error")
-                    for request in group:
-                        if not request.answer.done():
-                            request.answer.set_exception(problem)
+                self._carry_out(group)
             if stopping:
                 return
+
+    def _carry_out(self, group: list[Request]) -> None:
+        try:
+            with self._committing:
+                self._commit(group)
+        except BaseException as problem:
+            logger.exception("the writer met an unexpected error")
+            for request in group:
+                if not request.answer.done():
+                    request.answer.set_exception(problem)
+        finally:
+            with self._guard:
+                self._outstanding -= len(group)
+                if self._closed:
+                    self._guard.notify_all()
 
     def _next_group(self) -> tuple[list[Request], bool]:
         first, self._held = self._held or self._waiting.get(), None
