@@ -162,23 +162,21 @@ class SqliteJournal:
                     for position, event in enumerate(entry.commit.events)
                 ],
             )
-            connection.executemany(
-                "INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                [
-                    (
-                        entry.commit.number,
-                        position,
-                        change.graph,
-                        change.ontology,
-                        change.digest,
-                        change.added,
-                        change.removed,
-                        change.graph_event,
-                    )
-                    for entry in commits
-                    for position, change in enumerate(entry.commit.statements)
-                ],
-            )
+            said = [
+                (
+                    entry.commit.number,
+                    position,
+                    change.graph,
+                    change.ontology,
+                    change.digest,
+                    change.added,
+                    change.removed,
+                )
+                for entry in commits
+                for position, change in enumerate(entry.commit.statements)
+            ]
+            if said:
+                connection.executemany("INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?)", said)
             connection.execute("COMMIT")
         except sqlite3.Error as problem:
             if connection.in_transaction:
