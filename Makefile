@@ -56,7 +56,7 @@ format: .venv/installed
 
 ## bench: the measurements of docs/benchmarks.md
 bench: .venv/installed
-	$(BIN)/python -m bench
+	$(BIN)/python -m bench --write
 
 ## docs: the documentation as a site in site/
 docs: .venv/installed

@@ -171,12 +171,15 @@ class SqliteJournal:
                     change.digest,
                     change.added,
                     change.removed,
+                    change.graph_event,
                 )
                 for entry in commits
                 for position, change in enumerate(entry.commit.statements)
             ]
             if said:
-                connection.executemany("INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?)", said)
+                connection.executemany(
+                    "INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?, ?)", said
+                )
             connection.execute("COMMIT")
         except sqlite3.Error as problem:
             if connection.in_transaction:
