@@ -112,7 +112,9 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     evaluator = Evaluator(blackboard, settings.limits, settings.security.service_endpoints)
     read = reader_for(settings.security.load_hosts, settings.limits.body_max_bytes)
     updater = Updater(blackboard, settings.limits, guard, read)
-    registry = SubscriptionRegistry(blackboard, settings.subscriptions)
+    registry = SubscriptionRegistry(
+        blackboard, settings.subscriptions, outside=blackboard.statements()
+    )
     live = LiveRoutes(registry, guard, settings.subscriptions)
     data = settings.storage.data
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)

@@ -22,7 +22,7 @@ from fluentboard.board.commands import (
     RefineFluent,
     name_of,
 )
-from fluentboard.board.events import Commit
+from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.graphs import Graphs
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.board.journal import Durability, SqliteJournal
@@ -34,10 +34,16 @@ from fluentboard.board.time_functions import functions_for, mentions_functions
 from fluentboard.board.time_view import Perspective
 from fluentboard.board.time_views import TimedResults, TimeViews
 from fluentboard.board.trajectory import Trajectory, pose_names, trajectory_of
-from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.board.triples import ENDPOINTS
+from fluentboard.board.vocabulary import (
+    PROPER_SUB_CLASS_OF,
+    RDF_TYPE,
+    SUB_CLASS_OF_OR_SAME,
+    Vocabulary,
+)
 from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
-from fluentboard.errors import FluentboardError, InvalidInput, UnknownFluent
+from fluentboard.errors import FluentboardError, InvalidInput, InvalidName, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Certainty
 from fluentboard_ontology import PREFIXES
@@ -205,6 +211,10 @@ class Blackboard:
     def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
         """Commits with numbers in (after, up_to], in order."""
         return self._journal.commits(after, up_to)
+
+    def statements(self) -> Iterator[StatementsChanged]:
+        """What ontologies and graph updates have changed so far, in order."""
+        return (change for _, change in self._journal.statements(0))
 
     def commit_at(self, wall_s: float) -> int:
         """Number of the last commit made at or before a wall-clock time."""
@@ -396,11 +406,28 @@ class Blackboard:
                 vocabulary.class_name(statement.type) if statement.is_reference else statement.type
             )
             name = vocabulary.property_name(statement.name)
+            if name in _RESERVED:
+                raise InvalidName(
+                    f"{statement.name!r} cannot be a property of a fluent: the board states it "
+                    "itself. The class and the interval of a fluent have fields of their own",
+                    name=statement.name,
+                )
             if kind != statement.type or name != statement.name:
                 changed = True
                 statement = Property(name, kind, statement.value)
             normal.append(statement)
         return tuple(normal) if changed else properties
+
+
+_RESERVED = frozenset(
+    {
+        *(iri.rpartition("#")[2] for iri in ENDPOINTS),
+        RDF_TYPE,
+        PROPER_SUB_CLASS_OF,
+        SUB_CLASS_OF_OR_SAME,
+    }
+)
+"""Properties that the board derives, as `Vocabulary.property_name` names them."""
 
 
 def _properties(command: Command) -> tuple[Property, ...]:

@@ -18,6 +18,7 @@ from fluentboard.errors import (
     FluentExists,
     IdempotencyConflict,
     InvalidInput,
+    InvalidName,
     InvalidQuery,
     NotARefinement,
     StorageFailed,
@@ -115,6 +116,15 @@ def test_unknown_class_is_refused_with_a_suggestion(board: Blackboard) -> None:
 def test_unknown_class_of_a_reference_is_refused(board: Blackboard) -> None:
     fluent = Fluent("m", "Mug", properties=(Property("hasPose", "Posture", "p"),))
     with pytest.raises(UnknownClass, match="Posture"):
+        board.execute([AssertFluent(fluent)], "ann")
+
+
+@pytest.mark.parametrize(
+    "name", ["rdf:type", "hasStartEarliest", "upper:hasFinishLatest", "fb:subClassOfOrSame"]
+)
+def test_what_the_board_states_itself_cannot_be_a_property(board: Blackboard, name: str) -> None:
+    fluent = Fluent("m", "Mug", properties=(Property(name, "xsd:double", 1.0),))
+    with pytest.raises(InvalidName, match=name):
         board.execute([AssertFluent(fluent)], "ann")
 
 
