@@ -16,6 +16,9 @@ from fluentboard_modules.frames.recorder import Layout, record_source
 from fluentboard_modules.frames.report import describe, examine
 from fluentboard_modules.frames.sensor_frame import Camera
 from fluentboard_modules.frames.sources import open_source
+from fluentboard_modules.mapping.config import MappingConfig
+from fluentboard_modules.mapping.map_frame import place
+from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.simulation.drive import SimulatedDrive
 
 
@@ -100,3 +103,18 @@ def test_pictures_of_a_drive_are_drawn(tmp_path: Path) -> None:
     files = draw_source(report, tmp_path)
     assert [file.name for file in files] == ["frames.png", "path.png"]
     assert all(file.stat().st_size > 5000 for file in files)
+
+
+@pytest.mark.parametrize("layout", ["7-scenes", "open3d", "mcap"])
+def test_real_table_has_its_height_in_every_layout(
+    layout: Layout, shared_data: Path, tmp_path: Path
+) -> None:
+    kitchen = open_folder(shared_data / "redkitchen").every(20)
+    record_source(kitchen, tmp_path / "copy", layout)
+    config = MappingConfig()
+    copy, _ = place(open_source(str(tmp_path / "copy")), config)
+    regions = [r for frame in copy for r in detect_regions(frame, config.surfaces)]
+    tops = [r for r in regions if r.normal[2] > 0.99 and 0.6 < r.centroid[2] < 0.85]
+    largest = sorted(tops, key=lambda region: -region.area_m2)[:5]
+    height_m = np.median([region.centroid[2] for region in largest])
+    assert 0.70 < height_m < 0.74

@@ -27,6 +27,8 @@ logger = logging.getLogger(__name__)
 _WAIT_S = 1.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 0.2, 5.0
 _SAY_EVERY_S = 10.0
+# No board, one that is starting, or a proxy that cannot reach it.
+_AWAY = (502, 503, 504)
 _PATH = re.compile(r"(?P<base>.*)/frames/(?P<sensor>[^/]+)/?")
 
 
@@ -123,7 +125,9 @@ class LiveFrames:
         while True:
             try:
                 return sensor.newest(after, _WAIT_S)
-            except BoardUnreachable as problem:
+            except FluentboardError as problem:
+                if problem.http_status not in _AWAY:
+                    raise
                 if wait_s == _FIRST_RETRY_S:
                     logger.warning("%s: waiting for the board: %s", self.name, problem.message)
             if self._stopped.wait(wait_s):

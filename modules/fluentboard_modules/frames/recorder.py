@@ -48,10 +48,11 @@ def record_source(
     layout = layout or _layout_of(output)
     if layout == "7-scenes":
         return _write_seven_scenes(source, output, progress)
-    if layout == "tum":
-        return write_tum(source, output, progress)
-    if layout == "open3d":
-        return write_redwood(source, output, progress)
+    if layout in ("tum", "open3d"):
+        write = write_tum if layout == "tum" else write_redwood
+        count = write(source, output, progress)
+        _write_gravity(source, output)
+        return count
     # By REP 105 the frame `map` has z up, and a bag has no other place for gravity.
     if isinstance(source, Recording):
         source = source.in_map(align_with_gravity(source.gravity_world))
@@ -83,9 +84,14 @@ def _write_seven_scenes(source: FrameSource, output: Path, progress: Progress | 
 
     scene = getattr(source, "scene", None)
     count = record(_Registered(source), output, scene, progress)
-    if isinstance(source, Recording) and source.gravity_world is not None:
-        np.savetxt(output / GRAVITY_FILE, source.gravity_world[None], fmt="%.8f")
+    _write_gravity(source, output)
     return count
+
+
+def _write_gravity(source: FrameSource, folder: Path) -> None:
+    """Beside the frames, in the world frame that their poses are given in."""
+    if isinstance(source, Recording) and source.gravity_world is not None:
+        np.savetxt(folder / GRAVITY_FILE, source.gravity_world[None], fmt="%.8f")
 
 
 def _write_storage_file(

@@ -93,8 +93,7 @@ def test_absent_board_is_waited_for(
             case 0:
                 raise httpx.ConnectError("Connection refused", request=request)
             case 1:
-                problem = {"code": "board-unreachable", "message": "starting", "status": 503}
-                return httpx.Response(503, json=problem)
+                return httpx.Response(502, text="<html>Bad gateway</html>")
             case _:
                 return reply(made.frames[0], 3)
 

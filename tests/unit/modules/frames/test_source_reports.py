@@ -12,7 +12,7 @@ import pytest
 from fluentboard.model.geometry import Pose, Transform
 from fluentboard_modules.frames.folders import open_folder
 from fluentboard_modules.frames.pictures import draw_source
-from fluentboard_modules.frames.recorder import record_source
+from fluentboard_modules.frames.recorder import Layout, record_source
 from fluentboard_modules.frames.report import describe, examine
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 
@@ -86,10 +86,13 @@ def test_picture_of_frames_without_depth_or_colour_is_drawn(made: Any, tmp_path:
     assert len(draw_source(examine(made), tmp_path)) == 2
 
 
-def test_recording_with_gravity_is_copied_with_it(made: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("layout", ["7-scenes", "tum", "open3d"])
+def test_recording_with_gravity_is_copied_with_it(
+    layout: Layout, made: Any, tmp_path: Path
+) -> None:
     record_source(made, tmp_path / "room")
     tilted = replace(open_folder(tmp_path / "room"), gravity_world=np.array([0.0, 0.6, -0.8]))
-    record_source(tilted, tmp_path / "copy")
+    record_source(tilted, tmp_path / "copy", layout)
     gravity = open_folder(tmp_path / "copy").gravity_world
     assert gravity is not None
     assert np.allclose(gravity, [0.0, 0.6, -0.8])
