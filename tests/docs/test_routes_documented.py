@@ -16,7 +16,7 @@ from fluentboard.board.subscriptions import messages
 from fluentboard.config import Settings
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
-HTTP = (REFERENCE / "http.md").read_text()
+HTTP = (REFERENCE / "http.md").read_text() + (REFERENCE / "graphs.md").read_text()
 LIVE = (REFERENCE / "live.md").read_text()
 
 

@@ -17,6 +17,7 @@ from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Receive, Scope, Send
 from fluentboard.api.fluents import FluentRoutes
 from fluentboard.api.frames import FrameRoutes
+from fluentboard.api.graph_store import GraphStoreRoutes
 from fluentboard.api.live import LiveRoutes
 from fluentboard.api.loading import reader_for
 from fluentboard.api.metrics import Metrics
@@ -121,6 +122,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     system = SystemRoutes(blackboard)
     operations = [
         *SparqlRoutes(blackboard, evaluator, updater, settings.limits).operations(),
+        *GraphStoreRoutes(blackboard, evaluator, updater, settings.limits).operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),

@@ -88,6 +88,7 @@ class Operation:
         is_strict: a parameter that is not listed is an error, so that a typing mistake in a filter
             does not silently list everything.
         identifier: unique; names the operation in OpenAPI and in the metrics.
+        spans: the last variable part of the path may contain slashes.
     """
 
     method: str
@@ -104,6 +105,7 @@ class Operation:
     answers: Mapping[int, Answer] = field(default_factory=dict[int, Answer])
     errors: tuple[type[FluentboardError], ...] = ()
     is_strict: bool = True
+    spans: bool = False
 
     @property
     def parameter_names(self) -> frozenset[str]:
@@ -132,7 +134,11 @@ class Router:
             table.setdefault(operation.path, {})[operation.method] = operation
         for path, methods in variable.items():
             pattern = _PART.sub(r"(?P<\1>[^/]+)", path)
+            if any(operation.spans for operation in methods.values()):
+                pattern = pattern.removesuffix("[^/]+)") + ".+)"
             self._patterns.append((re.compile(pattern), methods))
+        # `/a/{x}/b` is found before `/a/{y}` with a y that spans slashes.
+        self._patterns.sort(key=lambda entry: entry[0].pattern.endswith(".+)"))
 
     def knows(self, path: str) -> bool:
         """Some method is served on that path."""

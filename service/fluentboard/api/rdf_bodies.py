@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from email.parser import BytesParser
 from email.policy import HTTP
@@ -11,7 +12,7 @@ import pyoxigraph as ox
 from fluentboard.board.update_operations import Graph
 from fluentboard.errors import InvalidInput, TooLarge, UnsupportedMediaType
 
-FORMATS: Mapping[str, ox.RdfFormat] = {
+PROPER_FORMATS: Mapping[str, ox.RdfFormat] = {
     "text/turtle": ox.RdfFormat.TURTLE,
     "application/n-triples": ox.RdfFormat.N_TRIPLES,
     "application/ld+json": ox.RdfFormat.JSON_LD,
@@ -19,6 +20,11 @@ FORMATS: Mapping[str, ox.RdfFormat] = {
     "application/trig": ox.RdfFormat.TRIG,
     "application/n-quads": ox.RdfFormat.N_QUADS,
     "text/n3": ox.RdfFormat.N3,
+}
+"""Formats that can be read, by media type."""
+
+FORMATS: Mapping[str, ox.RdfFormat] = {
+    **PROPER_FORMATS,
     # What some clients call them.
     "application/x-turtle": ox.RdfFormat.TURTLE,
     "text/rdf+n3": ox.RdfFormat.N3,
@@ -29,7 +35,10 @@ FORMATS: Mapping[str, ox.RdfFormat] = {
     "application/x-trig": ox.RdfFormat.TRIG,
     "text/x-nquads": ox.RdfFormat.N_QUADS,
 }
-"""Formats that can be read, by media type."""
+"""The same, and what some clients call them."""
+
+# Oxigraph's names for blank nodes: 128 random bits, which nobody else comes up with.
+_OWN_NAME = re.compile(r"[a-f][0-9a-f]{27,31}")
 
 MULTIPART = "multipart/form-data"
 
@@ -44,7 +53,7 @@ class InvalidRdf(InvalidInput):
 def triples_in(
     body: bytes, content_type: str, base_iri: str, count_max: int
 ) -> Iterator[ox.Triple]:
-    """The triples of a body; blank nodes get new names.
+    """The triples of a body; blank nodes that did not come from here get new names.
 
     Args:
         body: the document, or several in a form.
@@ -64,7 +73,7 @@ def triples_in(
 def quads_in(
     body: bytes, content_type: str, base_iri: str, count_max: int, graphs: tuple[Graph, ...] = ()
 ) -> Iterator[ox.Quad]:
-    """The quads of a body; blank nodes get new names.
+    """The quads of a body; blank nodes that did not come from here get new names.
 
     Args:
         body: the document.
@@ -92,14 +101,15 @@ def _quads(
 ) -> Iterator[ox.Quad]:
     count = 0
     for part, media_type in _documents(body, content_type):
+        fresh: dict[ox.BlankNode, ox.BlankNode] = {}
         try:
-            for quad in ox.parse(
+            for parsed in ox.parse(
                 part,
                 format=FORMATS[media_type],
                 base_iri=base_iri,
                 without_named_graphs=without_graphs,
-                rename_blank_nodes=True,
             ):
+                quad = _renamed(parsed, fresh)
                 count += 1
                 if count > count_max:
                     raise TooLarge(
@@ -109,6 +119,27 @@ def _quads(
                 yield quad
         except (SyntaxError, ValueError) as problem:
             raise InvalidRdf(f"the body does not parse as {media_type}: {problem}") from None
+
+
+def _renamed(quad: ox.Quad, fresh: dict[ox.BlankNode, ox.BlankNode]) -> ox.Quad:
+    """The quad with new blank nodes, but for those that have names as the board gives them.
+
+    So what was read can be sent back, and stays what it is.
+    """
+    subject, target = quad.subject, quad.object
+    if isinstance(subject, ox.BlankNode):
+        subject = _known_or_new(subject, fresh)
+    if isinstance(target, ox.BlankNode):
+        target = _known_or_new(target, fresh)
+    if subject is quad.subject and target is quad.object:
+        return quad
+    return ox.Quad(subject, quad.predicate, target, quad.graph_name)
+
+
+def _known_or_new(node: ox.BlankNode, fresh: dict[ox.BlankNode, ox.BlankNode]) -> ox.BlankNode:
+    if _OWN_NAME.fullmatch(node.value):
+        return node
+    return fresh.setdefault(node, ox.BlankNode())
 
 
 def _documents(body: bytes, content_type: str) -> Iterator[tuple[bytes, str]]:
@@ -129,8 +160,8 @@ def _documents(body: bytes, content_type: str) -> Iterator[tuple[bytes, str]]:
 def _known(media_type: str) -> str:
     if media_type not in FORMATS:
         raise UnsupportedMediaType(
-            f"statements are sent as {', '.join(list(FORMATS)[:7])}, not as "
+            f"statements are sent as {', '.join(PROPER_FORMATS)}, not as "
             f"{media_type or 'untyped bytes'}",
-            accepted=list(FORMATS),
+            accepted=list(PROPER_FORMATS),
         )
     return media_type

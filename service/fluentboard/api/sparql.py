@@ -360,7 +360,8 @@ def _located(problem: InvalidQuery, query: str, offset: int = 0) -> InvalidQuery
     line, column = int(position[1]), int(position[2])
     if line == 1:
         column = max(1, column - offset)
-    text = (query.splitlines() or [""])[min(line, query.count("\n") + 1) - 1]
+    # A mistake at the end may be behind the last line break.
+    text = [*query.split("\n"), ""][min(line - 1, query.count("\n") + 1)]
     before, _, expected = problem.message.partition("expected one of")
     few = expected.count(",") < _EXPECTED_MAX
     begin = max(0, column - 1 - _CONTEXT)

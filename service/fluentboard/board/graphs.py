@@ -26,7 +26,8 @@ from fluentboard.board.update_syntax import parse_update
 from fluentboard.board.updates import Abandoned, UpdateEvaluation, depends_on_store, loads_resolved
 from fluentboard.board.writer import Request, Writer
 
-_CHANGES_MAX = 1_000_000
+CHANGES_MAX = 1_000_000
+"""How many statements one request may add and remove."""
 
 Reader = Callable[[Load], InsertStatements | None]
 """Gets a document from the web; None if it cannot and need not."""
@@ -204,7 +205,7 @@ class Graphs:
     def _evaluated(
         self, operations: Sequence[Operation], stop: threading.Event | None
     ) -> tuple[StatementsChanged, ...]:
-        return UpdateEvaluation(self._store, self._ask, self._rules, _CHANGES_MAX, stop).changes(
+        return UpdateEvaluation(self._store, self._ask, self._rules, CHANGES_MAX, stop).changes(
             operations
         )
 

@@ -14,19 +14,17 @@ from typing import Any
 
 import pyoxigraph as ox
 
-from fluentboard.board.sparql_tokens import has_word, tokens_of
+from fluentboard.board.oxigraph_query import GraphName as GraphName
+from fluentboard.board.oxigraph_query import QueryResults as QueryResults
+from fluentboard.board.oxigraph_query import ask
 from fluentboard.board.statement_script import StatementScript
-from fluentboard.errors import InvalidQuery, StorageFailed
-from fluentboard_ontology import FB, PREFIXES
-
-QueryResults = ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean
-GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
+from fluentboard.errors import StorageFailed
+from fluentboard_ontology import FB
 
 FunctionsAt = Callable[[int], Mapping[ox.NamedNode, Any]]
 
 _ATTEMPTS = 4
 _PATIENCE_S = 0.02
-_PREFIXES = dict(PREFIXES)
 _META = ox.NamedNode(FB + "meta")
 SAID = ox.NamedNode(FB + "said")
 """Hidden graph: what updates have said in the default graph, besides what ontologies say."""
@@ -205,22 +203,7 @@ class EmbeddedStore:
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
         """
-        if named_graphs is None and "GRAPH" in sparql.upper():
-            # A query that names its dataset sees what it names.
-            names_dataset = "FROM" in sparql.upper() and has_word(tokens_of(sparql), "FROM")
-            named_graphs = None if names_dataset else self.named_graphs()
-        try:
-            return self._store.query(
-                sparql,
-                prefixes=_PREFIXES,
-                default_graph=None if default_graphs is None else list(default_graphs),
-                named_graphs=None if named_graphs is None else list(named_graphs),
-                **extra,
-            )
-        except SyntaxError as problem:
-            raise InvalidQuery(f"the query does not parse: {problem}") from None
-        except (ValueError, OSError) as problem:
-            raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
+        return ask(self._store, sparql, default_graphs, named_graphs, self.named_graphs, **extra)
 
     def snapshot_query(
         self, sparql: str, *, functions_at: FunctionsAt | None = None, **options: Any

@@ -13,9 +13,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import pyoxigraph as ox
 
 from fluentboard.board.events import StatementsChanged
+from fluentboard.board.oxigraph_query import QueryResults, ask
 from fluentboard.board.pending_statements import PendingStatements
 from fluentboard.board.statement_rules import StatementRules
-from fluentboard.board.store import EmbeddedStore, QueryResults
+from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.update_operations import (
     Clear,
     Create,
@@ -33,10 +34,8 @@ from fluentboard.board.update_operations import (
 )
 from fluentboard.board.update_view import view_for
 from fluentboard.errors import InvalidQuery, NotAllowed, UnknownResource
-from fluentboard_ontology import PREFIXES
 
 _DEFAULT = ox.DefaultGraph()
-_PREFIXES = dict(PREFIXES)
 # How many solutions are taken between two looks at whether anybody still waits.
 _SOLUTIONS_BETWEEN_LOOKS = 1_000
 
@@ -262,17 +261,17 @@ def depends_on_store(operations: Iterable[Operation]) -> bool:
 
 
 def _asked(view: ox.Store, operation: Modify) -> QueryResults:
-    default_graphs, named_graphs = operation.default_graphs, operation.named_graphs
-    try:
-        return view.query(
-            operation.query,
-            base_iri=operation.base_iri,
-            prefixes=_PREFIXES,
-            default_graph=None if default_graphs is None else list(default_graphs),
-            named_graphs=None if named_graphs is None else list(named_graphs),
-        )
-    except (ValueError, OSError, SyntaxError) as problem:
-        raise InvalidQuery(f"the WHERE cannot be evaluated: {problem}") from None
+    def graphs() -> list[ox.NamedNode]:
+        return [graph for graph in view.named_graphs() if isinstance(graph, ox.NamedNode)]
+
+    return ask(
+        view,
+        operation.query,
+        operation.default_graphs,
+        operation.named_graphs,
+        graphs,
+        base_iri=operation.base_iri,
+    )
 
 
 def _is_open(quad: TemplateQuad) -> bool:

@@ -375,7 +375,7 @@ def test_no_update_is_lost_between_threads(board: Blackboard) -> None:
 def test_request_cannot_change_more_than_the_limit(
     board: Blackboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fluentboard.board.graphs._CHANGES_MAX", 3)
+    monkeypatch.setattr("fluentboard.board.graphs.CHANGES_MAX", 3)
     with pytest.raises(TooLarge):
         update(board, "INSERT DATA { ex:a ex:p 1, 2, 3, 4 }")
 
