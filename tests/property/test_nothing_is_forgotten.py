@@ -28,7 +28,7 @@ from fluentboard.model.interval import Interval
 
 NAMES = st.sampled_from(["a", "b", "c", "d"])
 TIMES = st.one_of(st.none(), st.sampled_from([1.0, 2.0, 3.5, 5.0, 8.25]))
-TEXTS = st.text("aé\"\\\n ", max_size=4)
+TEXTS = st.text('aé"\\\n ', max_size=4)
 VALUES = st.one_of(
     st.builds(Property, st.just("hasX"), st.just("xsd:float"), st.sampled_from([0.0, 0.5, -1.25])),
     st.builds(Property, st.just("hasPose"), st.just("Pose"), NAMES),
