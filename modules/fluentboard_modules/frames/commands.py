@@ -21,6 +21,8 @@ from fluentboard_modules.command_options import (
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+    from fluentboard_modules.frames.sensor_frame import SensorFrame
+
 
 def register(app: typer.Typer) -> None:
     """Adds the group `frames` to the app of `fluentboard`."""
@@ -136,15 +138,22 @@ def publish(
         from fluentboard_modules.frames.live import FramePublisher
         from fluentboard_modules.frames.live import publish as publish_source
         from fluentboard_modules.frames.sources import open_source
+        from fluentboard_modules.pulse import pulse
         from fluentboard_modules.worker import stop_on_signals
     opened = open_source(source)
     count = 0
     with (
         FramePublisher(board, sensor, token=token) as publisher,
         stop_on_signals() as stop,
+        pulse() as told,
         _bar() as bar,
     ):
         task = bar.add_task(f"to {sensor}", total=None)
+
+        def sent(done: int, frame: SensorFrame) -> None:
+            bar.update(task, completed=done)
+            told.advance(frame.index, frame.stamp_s, 0, f"sends to {sensor}")
+
         while True:
             count += publish_source(
                 opened,
@@ -152,7 +161,7 @@ def publish(
                 rate_hz=rate,
                 keep_stamps=keep_stamps,
                 is_stopped=stop.wait,
-                sent=lambda done: bar.update(task, completed=done),
+                sent=sent,
             )
             if stop.is_asked or not loop:
                 break

@@ -213,7 +213,7 @@ def publish(
     rate_hz: float | None = None,
     keep_stamps: bool = False,
     is_stopped: Callable[[float], bool],
-    sent: Callable[[int], None] = lambda _: None,
+    sent: Callable[[int, SensorFrame], object] = lambda count, frame: None,
     clock: Clock | None = None,
 ) -> int:
     """Sends the frames of a source at the pace at which they were taken; returns how many.
@@ -226,7 +226,7 @@ def publish(
         rate_hz: frames per second; by default as their stamps say.
         keep_stamps: leave the stamps; by default the frames are taken while they are sent.
         is_stopped: waits for so many seconds, and says whether to stop.
-        sent: called with the number of frames sent so far.
+        sent: called with the number of frames sent so far and the last one.
         clock: says what now is.
 
     Raises:
@@ -244,12 +244,14 @@ def publish(
         due_s = frame.stamp_s - first.stamp_s if rate_hz is None else position / rate_hz
         if is_stopped(max(0.0, began_s + due_s - time.monotonic())):
             break
+        # A source that is slower than its own pace takes its frames later.
+        taken_s = now_s + max(due_s, time.monotonic() - began_s)
+        live = frame if keep_stamps else replace(frame, stamp_s=taken_s)
         try:
-            stamp_s = frame.stamp_s if keep_stamps else now_s + due_s
-            publisher.send(replace(frame, stamp_s=stamp_s))
+            publisher.send(live)
         except BoardUnreachable as problem:
             logger.warning("%s: frame %d lost: %s", source.name, frame.index, problem.message)
             continue
         count += 1
-        sent(count)
+        sent(count, live)
     return count

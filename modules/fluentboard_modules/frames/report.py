@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,12 +13,12 @@ import numpy as np
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.gravity import align_with_gravity
-from fluentboard_modules.frames.recordings import Recording
+from fluentboard_modules.frames.recordings import LiveSource, Recording
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
 from fluentboard_modules.frames.upright import guess_gravity, is_z_up, mean_camera_up
 
 _LOOKED_AT = 30
-_LIVE_LOOKED_AT = 3
+_LIVE_LOOKED_AT, _LIVE_PATIENCE_S = 3, 10.0
 _LEAST_VALID = 0.3
 _PLAUSIBLE_DEPTH_M = (0.15, 30.0)
 _LONGEST_JUMP_M, _FASTEST_M_PER_S = 0.5, 3.0
@@ -89,7 +90,7 @@ def _sample(
     try:
         count = len(source)
     except TypeError:  # a live source has no length
-        return None, itertools.islice(source, min(at_most, _LIVE_LOOKED_AT)), None
+        return None, _awaited(source, min(at_most, _LIVE_LOOKED_AT)), None
     step = max(1, -(-count // at_most))
     if isinstance(source, Recording):
         gravity = source.gravity_world
@@ -99,6 +100,20 @@ def _sample(
     if read is not None:
         return count, (read(position) for position in range(0, count, step)), None
     return count, itertools.islice(source, 0, None, step), None
+
+
+def _awaited(source: FrameSource, count: int) -> Iterator[SensorFrame]:
+    """The next frames of a live source, fewer if it is silent for long."""
+    if not isinstance(source, LiveSource):
+        yield from itertools.islice(source, count)
+        return
+    patience = threading.Timer(_LIVE_PATIENCE_S, source.stop)
+    patience.daemon = True
+    patience.start()
+    try:
+        yield from itertools.islice(source, count)
+    finally:
+        patience.cancel()
 
 
 @contextmanager

@@ -57,7 +57,9 @@ def up(
     def stop(number: int, frame: FrameType | None) -> None:
         supervisor.ask_to_stop()
 
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    # SIGHUP comes when the terminal is closed.
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         with display:
             supervisor.run(lambda: display.show(supervisor))
