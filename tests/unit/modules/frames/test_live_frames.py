@@ -93,7 +93,8 @@ def test_absent_board_is_waited_for(
             case 0:
                 raise httpx.ConnectError("Connection refused", request=request)
             case 1:
-                return httpx.Response(502, text="<html>Bad gateway</html>")
+                problem = {"code": "board-unreachable", "message": "it is starting"}
+                return httpx.Response(503, json=problem)
             case _:
                 return reply(made.frames[0], 3)
 
