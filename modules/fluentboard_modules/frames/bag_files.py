@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,9 @@ from fluentboard_modules.frames.ros_transforms import TransformTree
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
+
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +55,20 @@ class Bag:
                 entry = next(found, None)
                 if entry is None:
                     return
-                connection, written_ns, content = entry
-                message: Any = self._reader.deserialize(content, connection.msgtype)
+            connection, written_ns, content = entry
             written_s = 1e-9 * written_ns
+            try:
+                with _named(self._path):
+                    message: Any = self._reader.deserialize(content, connection.msgtype)
+            except InvalidFrame as error:
+                logger.warning(
+                    "%s: a message of %s at %.3f s is skipped: %s",
+                    self._path,
+                    connection.topic,
+                    written_s,
+                    error.message,
+                )
+                continue
             header = getattr(message, "header", None)
             stamp = stamp_s(header) if header is not None else 0.0
             yield StampedMessage(connection.topic, message, stamp or written_s, written_s)

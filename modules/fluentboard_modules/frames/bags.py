@@ -37,12 +37,6 @@ from fluentboard_modules.frames.upright import guess_gravity, is_z_up
 
 logger = logging.getLogger(__name__)
 
-ENDINGS = (".bag", ".db3", ".mcap")
-"""Of bags that are files; a ROS 2 bag is a folder with a metadata.yaml."""
-
-OPTIONS = ("depth", "colour", "cloud", "info", "colour_info", "map")
-"""What may be said about a bag besides its path: topics, and the name of the fixed frame."""
-
 # How long after a depth image its colour image may be written to the bag.
 _COLOUR_WAIT_S = 0.3
 _POSES_LOOKED_AT = 20
@@ -89,11 +83,24 @@ class BagRecording:
 
     def __iter__(self) -> Iterator[SensorFrame]:
         with opened_bag(self.path) as bag:
-            for index, message, picture in self._associated(bag):
+            index = -1
+            messages = self._associated(bag)
+            while True:
                 try:
-                    yield self._frame(index, message, picture)
+                    index, message, picture = next(messages)
+                except StopIteration:
+                    return
+                except InvalidFrame as error:
+                    if index < 0:
+                        raise
+                    logger.error("%s: ends after frame %d: %s", self.name, index, error.message)
+                    return
+                try:
+                    frame = self._frame(index, message, picture)
                 except FluentboardError as error:
                     logger.warning("%s: frame %d skipped: %s", self.name, index, error.message)
+                    continue
+                yield frame
 
     def in_map(self, T_map_world: Transform) -> BagRecording:
         """The same recording with its frames placed in another map frame."""
@@ -250,11 +257,6 @@ def open_bag(
     )
     _check_colour(recording, first_s)
     return _with_gravity(recording, first_s, last_s)
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a ROS 2 bag."""
-    return (path / "metadata.yaml").is_file()
 
 
 def _nearest(pictures: deque[StampedMessage], stamp: float) -> StampedMessage | None:

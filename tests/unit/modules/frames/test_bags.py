@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,6 +88,45 @@ def test_truncated_frame_is_skipped_with_a_warning(
         assert [frame.index for frame in recording] == [0, 1, 3, 4]
     assert "frame 2 skipped" in caplog.text
     assert "the message is truncated" in caplog.text
+
+
+def test_damaged_message_is_skipped_with_a_warning(
+    made: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rosbags.highlevel import AnyReader
+
+    write_bag(made, tmp_path / "room", "mcap")
+    recording = open_bag(tmp_path / "room")
+    read, count = AnyReader.deserialize, itertools.count()
+
+    def cut(reader: AnyReader, content: bytes, kind: str) -> object:
+        is_third_image = kind == IMAGE and len(content) < 500 and next(count) == 2
+        return read(reader, content[:60] if is_third_image else content, kind)
+
+    monkeypatch.setattr(AnyReader, "deserialize", cut)
+    with caplog.at_level(logging.WARNING):
+        assert len(list(recording)) == 4
+    assert "a message of /camera/depth/image_rect_raw at 1.200 s is skipped" in caplog.text
+
+
+def test_bag_that_breaks_off_ends_with_an_error_in_the_log(
+    made: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rosbags.highlevel import AnyReader
+
+    write_bag(made, tmp_path / "room", "mcap")
+    recording = open_bag(tmp_path / "room")
+    read = AnyReader.messages
+
+    def break_off(reader: AnyReader, connections: Any) -> Iterator[Any]:
+        yield from itertools.islice(read(reader, connections), 5)
+        raise OSError("disk on fire")
+
+    monkeypatch.setattr(AnyReader, "messages", break_off)
+    frames = list(recording)
+    assert 1 <= len(frames) < 5
+    assert "ends after frame" in caplog.text
+    assert "disk on fire" in caplog.text
 
 
 @pytest.mark.parametrize("kind", KINDS)
