@@ -76,6 +76,7 @@ class _Lane:
     kept: deque[tuple[int, KeptFrame]] = field(default_factory=deque[tuple[int, KeptFrame]])
     next_index: int = 0
     size_bytes: int = 0
+    writing: threading.Lock = field(default_factory=threading.Lock)
 
 
 class FrameRing:
@@ -131,11 +132,21 @@ class FrameRing:
         stamp_s = unpack_frame(content).stamp_s
         with self._lock:
             lane = self._lane(sensor)
-            frame = KeptFrame(sensor, lane.next_index, stamp_s, len(content))
-            self._drop_for(frame, lane)
-            self._write(frame, content)
-            lane.next_index += 1
-            self._keep(lane, frame)
+        with lane.writing:  # one after the other, so that they are kept in order
+            with self._lock:
+                frame = KeptFrame(sensor, lane.next_index, stamp_s, len(content))
+                superseded = self._make_room(frame, lane)
+            try:
+                # Not under the lock: readers do not wait for the disk.
+                self._delete(superseded)
+                self._write(frame, content)
+            except BaseException:
+                with self._lock:
+                    self._size_bytes -= frame.size_bytes
+                raise
+            with self._lock:
+                lane.next_index += 1
+                self._keep(lane, frame)
         return frame
 
     def newest(self, sensor: str, after: int | None = None) -> KeptFrame | None:
@@ -202,11 +213,13 @@ class FrameRing:
         for _, frame in sorted(found, key=lambda entry: (entry[0], entry[1].index)):
             lane = self._lanes.setdefault(frame.sensor, _Lane())
             lane.next_index = max(lane.next_index, frame.index + 1)
+            self._size_bytes += frame.size_bytes
             self._keep(lane, frame)
-        self._drop_until(self._settings.ring_max_bytes)
+        superseded = self._drop_until(self._settings.ring_max_bytes)
         for lane in self._lanes.values():
             while len(lane.kept) > self._settings.ring_frames:
-                self._drop_oldest(lane)
+                superseded.append(self._drop_oldest(lane))
+        self._delete(superseded)
 
     def _lane(self, sensor: str) -> _Lane:
         lane = self._lanes.get(sensor)
@@ -220,33 +233,44 @@ class FrameRing:
             lane = self._lanes[sensor] = _Lane()
         return lane
 
-    def _drop_for(self, frame: KeptFrame, lane: _Lane) -> None:
+    def _make_room(self, frame: KeptFrame, lane: _Lane) -> list[KeptFrame]:
+        """Sets room aside for a frame; returns those that have to go."""
+        superseded: list[KeptFrame] = []
         while len(lane.kept) >= self._settings.ring_frames:
-            self._drop_oldest(lane)
-        self._drop_until(self._settings.ring_max_bytes - frame.size_bytes)
+            superseded.append(self._drop_oldest(lane))
+        superseded += self._drop_until(self._settings.ring_max_bytes - frame.size_bytes)
+        self._size_bytes += frame.size_bytes
+        return superseded
 
-    def _drop_until(self, size_bytes: int) -> None:
+    def _drop_until(self, size_bytes: int) -> list[KeptFrame]:
         """Drops the oldest frames of whichever sensor until the rest is not longer than that."""
+        superseded: list[KeptFrame] = []
         while self._size_bytes > size_bytes:
-            oldest = min(
-                (lane for lane in self._lanes.values() if lane.kept),
-                key=lambda lane: lane.kept[0][0],
-            )
-            self._drop_oldest(oldest)
+            lanes = [lane for lane in self._lanes.values() if lane.kept]
+            if not lanes:  # all the rest is being written
+                break
+            superseded.append(self._drop_oldest(min(lanes, key=lambda lane: lane.kept[0][0])))
+        return superseded
 
-    def _drop_oldest(self, lane: _Lane) -> None:
+    def _drop_oldest(self, lane: _Lane) -> KeptFrame:
         _, frame = lane.kept.popleft()
         lane.size_bytes -= frame.size_bytes
         self._size_bytes -= frame.size_bytes
         self.dropped += 1
-        # Someone else may have tidied up the folder.
-        self._path(frame.sensor, frame.index).unlink(missing_ok=True)
+        return frame
 
     def _keep(self, lane: _Lane, frame: KeptFrame) -> None:
         self._arrivals += 1
         lane.kept.append((self._arrivals, frame))
         lane.size_bytes += frame.size_bytes
-        self._size_bytes += frame.size_bytes
+
+    def _delete(self, frames: Sequence[KeptFrame]) -> None:
+        for frame in frames:
+            path = self._path(frame.sensor, frame.index)
+            try:
+                path.unlink(missing_ok=True)  # someone else may have tidied up the folder
+            except OSError as problem:
+                logger.warning("%s cannot be deleted: %s", path, problem)
 
     def _write(self, frame: KeptFrame, content: bytes) -> None:
         path = self._path(frame.sensor, frame.index)
