@@ -24,6 +24,7 @@ from fluentboard.api.metrics import Metrics
 from fluentboard.api.openapi import openapi_document
 from fluentboard.api.operations import Operation, Router, no_such_path
 from fluentboard.api.problems import internal_error, method_not_allowed, problem_reply
+from fluentboard.api.rdf4j import Rdf4jRoutes
 from fluentboard.api.security import Guard
 from fluentboard.api.sparql import SparqlRoutes
 from fluentboard.api.system import SystemRoutes
@@ -81,6 +82,8 @@ class BoardApp(FastAPI):
         root: str = scope.get("root_path", "")
         if root and path.startswith(root):
             path = path[len(root) :]
+        if path.startswith("/rdf4j-server/"):
+            path = path.removeprefix("/rdf4j-server")
         if kind == "websocket" and path == "/subscriptions":
             await self.live.serve(scope, receive, send, path)
         elif kind == "http" and (self._router.knows(path) or not self._is_known_to_others(scope)):
@@ -120,9 +123,12 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     data = settings.storage.data
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
     system = SystemRoutes(blackboard)
+    graph_store = GraphStoreRoutes(blackboard, evaluator, updater, settings.limits)
+    rdf4j = Rdf4jRoutes(blackboard, evaluator, updater, graph_store, settings.limits)
     operations = [
         *SparqlRoutes(blackboard, evaluator, updater, settings.limits).operations(),
-        *GraphStoreRoutes(blackboard, evaluator, updater, settings.limits).operations(),
+        *graph_store.operations(),
+        *rdf4j.operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),

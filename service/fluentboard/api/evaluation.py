@@ -26,7 +26,7 @@ from fluentboard.api.result_cache import Cached, Key, ResultCache
 from fluentboard.api.results import ResultSink
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
-from fluentboard.board.store import QueryResults
+from fluentboard.board.store import GraphName, QueryResults
 from fluentboard.board.time_functions import mentions_functions
 from fluentboard.config import LimitSettings
 from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
@@ -59,6 +59,12 @@ GRAPH_OFFERS = (
     Offer("application/xml", ox.RdfFormat.RDF_XML),
 )
 """What the result of a CONSTRUCT or DESCRIBE can be written as, the preferred first."""
+
+DEFAULT_GRAPH = "urn:x-arq:DefaultGraph"
+"""Stands for the default graph where the IRI of a graph is asked for, as in Apache Jena."""
+
+UNION_GRAPH = "urn:x-arq:UnionGraph"
+"""Stands for all named graphs together, likewise."""
 
 # A result longer than this is not one that the event loop should wait for.
 _INLINE_BYTES_MAX = 32 * 1024
@@ -212,8 +218,8 @@ class Evaluator:
             at=question.at,
             as_of=question.as_of,
             certainty=question.certainty,
-            default_graphs=_graphs(question.default_graphs) if has_dataset else None,
-            named_graphs=_graphs(question.named_graphs) if has_dataset else None,
+            default_graphs=self._graphs(question.default_graphs) if has_dataset else None,
+            named_graphs=self._named_graphs(question.named_graphs) if has_dataset else None,
         )
         commit, at_s, is_exact = timed.commit, timed.at_s, timed.is_exact
         results: QueryResults | None = timed.results
@@ -225,6 +231,24 @@ class Evaluator:
             # error would take this one along to the event loop.
             results = None
         return Result(media_type, sink.text, sink, commit, at_s, is_exact)
+
+    def _graphs(self, iris: Sequence[str]) -> list[GraphName]:
+        graphs: list[GraphName] = []
+        for iri in iris:
+            graphs += [ox.DefaultGraph()] if iri == DEFAULT_GRAPH else self._named_graphs([iri])
+        return graphs
+
+    def _named_graphs(self, iris: Sequence[str]) -> list[ox.NamedNode | ox.BlankNode]:
+        graphs: list[ox.NamedNode | ox.BlankNode] = []
+        try:
+            for iri in iris:
+                if iri == UNION_GRAPH:
+                    graphs += self._board.graphs.named_graphs()
+                else:
+                    graphs.append(ox.NamedNode(iri))
+        except ValueError as problem:
+            raise InvalidQuery(f"a graph of the dataset is no IRI: {problem}") from None
+        return graphs
 
 
 def written(
@@ -261,10 +285,3 @@ def written(
 def _close(sink: ResultSink | None) -> None:
     if sink is not None:
         sink.close()
-
-
-def _graphs(iris: Sequence[str]) -> list[ox.NamedNode]:
-    try:
-        return [ox.NamedNode(iri) for iri in iris]
-    except ValueError as problem:
-        raise InvalidQuery(f"a graph of the dataset is no IRI: {problem}") from None

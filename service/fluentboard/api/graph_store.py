@@ -14,6 +14,7 @@ from fluentboard.api import parameters
 from fluentboard.api.evaluation import GRAPH_OFFERS, Evaluator, Question
 from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, json_reply
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.rdf4j_parameters import check_repository
 from fluentboard.api.rdf_bodies import MULTIPART, PROPER_FORMATS, InvalidRdf, triples_in
 from fluentboard.api.sparql import own_address, result_reply, update_receipt
 from fluentboard.api.updating import Updater
@@ -139,15 +140,16 @@ class GraphStoreRoutes:
 
     def operations(self) -> list[Operation]:
         """The routes, documented."""
-        by_parameter = self.routes(PATH, "", (_GRAPH, _DEFAULT_GRAPH))
-        by_address = self.routes(PATH + "/{graph}", "ByAddress", ())
+        by_parameter = self.routes(PATH, "", with_parameters=True)
+        by_address = self.routes(PATH + "/{graph}", "ByAddress", with_parameters=False)
         return [*by_parameter, *by_address]
 
     def routes(
         self,
         path: str,
         suffix: str,
-        query_parameters: tuple[Parameter, ...],
+        *,
+        with_parameters: bool,
         tag: str = "graphs",
     ) -> list[Operation]:
         """The four methods of a path.
@@ -155,7 +157,7 @@ class GraphStoreRoutes:
         Args:
             path: where they are served.
             suffix: makes their identifiers unique.
-            query_parameters: those that name a graph; empty where the path does.
+            with_parameters: whether parameters name the graph, or the path does.
             tag: the group they belong to.
         """
         graph = {offer.media_type: Content({"type": "string"}) for offer in GRAPH_OFFERS}
@@ -167,7 +169,8 @@ class GraphStoreRoutes:
         replaced = Answer("The graph was there before.", headers=commit)
         there = Answer("The graph was there before.", {"application/json": receipt}, commit)
         gone = Answer("It is gone.", {"application/json": receipt}, commit)
-        spans = not query_parameters
+        query_parameters = (_GRAPH, _DEFAULT_GRAPH) if with_parameters else ()
+        spans = not with_parameters
         return [
             Operation(
                 "GET",
@@ -242,8 +245,9 @@ def _target(call: Call) -> Graph | None:
     Raises:
         InvalidInput: it names two, or one by something that is no IRI.
     """
-    name = call.arguments.get("graph")
-    if name is not None:
+    if "repository" in call.arguments:
+        check_repository(call)
+    if "graph" in call.arguments:
         path = quote(call.path, safe="/:@!$&'()*+,;=~-._")
         return ox.NamedNode(own_address(call, path))
     values = call.parameters()

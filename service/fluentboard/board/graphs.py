@@ -12,6 +12,7 @@ import pyoxigraph as ox
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Projector
+from fluentboard.board.query_reach import reach_of
 from fluentboard.board.statement_rules import StatementRules
 from fluentboard.board.store import HIDDEN_GRAPHS, QueryResults
 from fluentboard.board.update_operations import (
@@ -173,6 +174,33 @@ class Graphs:
         """There is a named graph of that name."""
         self._projector.wait_for(self._projections.remembered)
         return graph not in HIDDEN_GRAPHS and self._store.has_graph(graph)
+
+    def was_said(self, quad: ox.Quad) -> bool:
+        """An update has said the statement, so an update can unsay it."""
+        if isinstance(quad.graph_name, ox.DefaultGraph):
+            return self._store.says(quad)
+        return quad.graph_name not in HIDDEN_GRAPHS and quad in self._store
+
+    def preview(
+        self, operations: Sequence[Operation], query: str | None = None
+    ) -> tuple[ox.Store, list[ox.NamedNode]]:
+        """What the board would say after operations that are not carried out.
+
+        Args:
+            operations: in order.
+            query: the store need only be right for this one; None for everything.
+
+        Returns:
+            A store in memory, and the named graphs that are seen by default.
+
+        Raises:
+            FluentboardError: the operations are refused.
+        """
+        self._projector.wait_for(self._projections.remembered)
+        evaluation = UpdateEvaluation(self._store, self._ask, self._rules, CHANGES_MAX)
+        evaluation.changes(operations)
+        reach = None if query is None else reach_of(query)
+        return evaluation.view(Modify(query or "", (), (), reach=reach))
 
     def _submit(
         self,

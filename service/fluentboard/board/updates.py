@@ -91,6 +91,11 @@ class UpdateEvaluation:
         self._rules.check_classes(self._pending)
         return self._pending.changes()
 
+    def view(self, operation: Modify) -> tuple[ox.Store, list[ox.NamedNode]]:
+        """A store in which the operation's query has the answer of this moment, and its graphs."""
+        view = view_for(operation, self._store, self._pending, self._rules.is_in_ontology)
+        return view, self._pending.named_graphs()
+
     def _apply(self, operation: Operation) -> None:
         match operation:
             case InsertStatements():
