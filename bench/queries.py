@@ -6,6 +6,7 @@ import itertools
 import random
 import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pyoxigraph as ox
@@ -29,7 +30,7 @@ def run() -> list[Report]:
     board = Blackboard.open(folder / "board", durability="process")
     try:
         _fill(board, FLUENTS)
-        reports = [_point(board), _anchoring(board)]
+        reports = [_point(board), _anchoring(board), _holding(board)]
     finally:
         board.close()
         shutil.rmtree(folder, ignore_errors=True)
@@ -47,8 +48,8 @@ def _rows(results: object) -> int:
     return sum(1 for _ in results)
 
 
-def _rdflib_graph(count: int) -> rdflib.Graph:
-    graph = rdflib.Graph()
+def _rdflib_graph(count: int, store: str = "default") -> rdflib.Graph:
+    graph = rdflib.Graph(store=store)
     graph.parse(data=ntriples(fluents(count), vocabulary()), format="nt")
     for name in ONTOLOGIES:
         graph.parse(data=read(name), format="turtle")
@@ -57,7 +58,7 @@ def _rdflib_graph(count: int) -> rdflib.Graph:
 
 def _point(board: Blackboard) -> Report:
     rng = random.Random(5)
-    graph = _rdflib_graph(20_000)
+    graph, oxrdflib = _rdflib_graph(20_000), _rdflib_graph(20_000, "Oxigraph")
 
     def query() -> str:
         return f"SELECT ?p ?o {{ fluent:o{rng.randrange(5_000)}_pose ?p ?o }}"
@@ -70,9 +71,17 @@ def _point(board: Blackboard) -> Report:
         for _ in range(100):
             assert len(list(graph.query(query(), initNs=dict(PREFIXES)))) == 9
 
+    def in_oxrdflib() -> None:
+        for _ in range(100):
+            assert len(list(oxrdflib.query(query(), initNs=dict(PREFIXES)))) == 9
+
     return compare(
         "Point query, in process",
-        {"fluentboard, 100,000 fluents": ours, "rdflib, 20,000 fluents": in_rdflib},
+        {
+            "fluentboard, 100,000 fluents": ours,
+            "rdflib, 20,000 fluents": in_rdflib,
+            "oxrdflib, 20,000 fluents": in_oxrdflib,
+        },
         rounds=7,
         operations=100,
         unit="us",
@@ -102,9 +111,55 @@ def _anchoring(board: Blackboard) -> Report:
     def in_rdflib() -> None:
         graph.query(ANCHORING_QUERY, initNs=dict(PREFIXES)).bindings  # noqa: B018
 
-    slow = compare("", {"rdflib": in_rdflib}, rounds=1, unit="ms")
-    report.notes.append(f"rdflib needs {slow.medians['rdflib']:,.0f} ms at 4,000 fluents.")
+    oxrdflib = _rdflib_graph(4_000, "Oxigraph")
+
+    def in_oxrdflib() -> None:
+        list(oxrdflib.query(ANCHORING_QUERY, initNs=dict(PREFIXES)))
+
+    slow = compare("", {"rdflib": in_rdflib, "oxrdflib": in_oxrdflib}, rounds=1, unit="ms")
+    report.notes.append(
+        f"At 4,000 fluents rdflib needs {slow.medians['rdflib']:,.0f} ms and oxrdflib "
+        f"{slow.medians['oxrdflib']:,.0f} ms."
+    )
     return report
+
+
+HOLDING_QUERY = """\
+SELECT ?f WHERE {
+  ?f upper:hasStartEarliest ?s ; upper:hasFinishLatest ?e .
+  FILTER(?s <= 2000.0e0 && ?e > 2000.0e0)
+} LIMIT 100
+"""
+
+
+def _holding(board: Blackboard) -> Report:
+    """The first hundred fluents that may hold at a time; the peers filter the end points."""
+    graph, oxrdflib = _rdflib_graph(20_000), _rdflib_graph(20_000, "Oxigraph")
+    projections: Projections = board._projections
+
+    def ours() -> None:
+        assert len(board.list(FluentFilter(at_s=2000.0), limit=100).fluents) == 100
+
+    def engine() -> None:
+        assert _rows(projections.store.query(HOLDING_QUERY)) == 100
+
+    def peer(peer_graph: rdflib.Graph) -> Callable[[], None]:
+        return lambda: assert_rows(list(peer_graph.query(HOLDING_QUERY, initNs=dict(PREFIXES))))
+
+    def assert_rows(rows: list[object]) -> None:
+        assert len(rows) == 100
+
+    return compare(
+        "What holds at a time, the first 100",
+        {
+            "fluentboard, 100,000 fluents": ours,
+            "Oxigraph, filter on the end points, 100,000 fluents": engine,
+            "rdflib, filter on the end points, 20,000 fluents": peer(graph),
+            "oxrdflib, filter on the end points, 20,000 fluents": peer(oxrdflib),
+        },
+        rounds=5,
+        unit="ms",
+    )
 
 
 def _as_of() -> Report:
