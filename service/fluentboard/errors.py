@@ -104,6 +104,12 @@ class InvalidFrame(InvalidInput):
     code = "invalid-frame"
 
 
+class UnreachableView(InvalidInput):
+    """A robot cannot get there: its base would collide, or a joint would leave its limits."""
+
+    code = "unreachable-view"
+
+
 class UnknownFluent(FluentboardError):
     """No fluent of that name was ever asserted."""
 

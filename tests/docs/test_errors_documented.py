@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from fluentboard.api.problems import MethodNotAllowed
-from fluentboard.board.blackboard import Blackboard
+import fluentboard
 from fluentboard.errors import FluentboardError
 
 # Errors that are defined beside their only user are known once that is imported.
-USERS = (MethodNotAllowed, Blackboard)
+for found in pkgutil.walk_packages(fluentboard.__path__, "fluentboard."):
+    if not found.name.endswith("__main__"):
+        importlib.import_module(found.name)
 
 PAGE = Path(__file__).parents[2] / "docs" / "errors.md"
 
@@ -19,7 +22,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "errors.md"
 def all_errors(parent: type[FluentboardError]) -> Iterator[type[FluentboardError]]:
     yield parent
     for child in parent.__subclasses__():
-        if child.__module__.startswith("fluentboard"):
+        if child.__module__.startswith("fluentboard."):
             yield from all_errors(child)
 
 

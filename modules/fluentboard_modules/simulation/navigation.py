@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fluentboard.errors import InvalidInput
+from fluentboard.errors import UnreachableView
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.simulation.scene import Scene
 
@@ -25,12 +25,6 @@ INSCRIBED = 253
 _NEUTRAL = 50.0  # navfn: COST_NEUTRAL
 _FACTOR = 0.8  # navfn: COST_FACTOR
 _DECAY_PER_M = 10.0  # costmap_2d: cost_scaling_factor
-
-
-class UnreachableView(InvalidInput):
-    """A robot cannot get there: its base would collide, or a joint would leave its limits."""
-
-    code = "unreachable-view"
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from typing import Protocol
 
 from pydantic import BaseModel, ConfigDict
 
+from fluentboard.errors import UnreachableView
 from fluentboard.model.geometry import Transform
 from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
-from fluentboard_modules.simulation.navigation import UnreachableView
 from fluentboard_modules.simulation.viewpoint import optical_pose
 
 _DRIVES_FROM_M = 0.05  # HORIZONTAL_TOLERANCE of the original agents: below it the base stays

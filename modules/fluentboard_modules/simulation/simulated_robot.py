@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from fluentboard.errors import UnreachableView
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.simulation.navigation import Costmap, UnreachableView, costmap
+from fluentboard_modules.simulation.navigation import Costmap, costmap
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.robots import RobotModel, View
 from fluentboard_modules.simulation.scene import Scene

@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fluentboard.errors import InvalidInput
+from fluentboard.errors import InvalidInput, UnreachableView
 from fluentboard.model.geometry import FloatArray, Transform
-from fluentboard_modules.simulation.navigation import Costmap, UnreachableView
+from fluentboard_modules.simulation.navigation import Costmap
 from fluentboard_modules.simulation.raycasting import SceneCaster
 from fluentboard_modules.simulation.scene import Instance, Scene
 from fluentboard_modules.simulation.viewpoint import look_at, optical_pose

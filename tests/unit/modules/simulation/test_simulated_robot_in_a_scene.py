@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from fluentboard.errors import UnreachableView
 from fluentboard.model.geometry import Pose
 from fluentboard_modules.simulation.furniture import floor
 from fluentboard_modules.simulation.mesh import box
-from fluentboard_modules.simulation.navigation import UnreachableView
 from fluentboard_modules.simulation.robots import PR2, Robot, View
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
 from fluentboard_modules.simulation.simulated_robot import SimulatedRobot

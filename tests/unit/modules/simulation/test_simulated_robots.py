@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fluentboard_modules.simulation.navigation import UnreachableView
+from fluentboard.errors import UnreachableView
 from fluentboard_modules.simulation.robots import CALVIN, PR2, ROBOTS, TURTLEBOT, View
 from fluentboard_modules.simulation.viewpoint import heading, look_at
 
