@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fluentboard.errors import UnreachableView
 from fluentboard.model.geometry import Pose
 from fluentboard_modules.simulation.furniture import floor, wall
 from fluentboard_modules.simulation.mesh import box
@@ -12,7 +13,6 @@ from fluentboard_modules.simulation.navigation import (
     INSCRIBED,
     LETHAL,
     Costmap,
-    UnreachableView,
     costmap,
 )
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
