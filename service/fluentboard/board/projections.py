@@ -66,13 +66,16 @@ class Projections:
         recent = self._recent.get(name)
         if recent is not None and (as_of is None or recent.version <= as_of):
             return recent
-        if as_of is None and name not in self.index:
+        if as_of is None and name not in self:
             raise UnknownFluent(
                 f"no fluent {name!r} on the board; names are case-sensitive, GET /fluents lists "
                 "them",
                 name=name,
             )
         return self.journal.fluent(name, as_of)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.index
 
     def is_in_ontology(self, quad: ox.Quad) -> bool:
         """An ontology that the RDF store has says the statement of the default graph."""

@@ -19,7 +19,6 @@ from fluentboard.errors import (
     FluentboardError,
     IdempotencyConflict,
     StorageFailed,
-    UnknownFluent,
 )
 from fluentboard.model.fluent import Fluent
 
@@ -279,7 +278,4 @@ class Writer:
         found = fresh.get(name) or pending.get(name)
         if found is not None:
             return found
-        try:
-            return self._projections.fluent(name)
-        except UnknownFluent:
-            return None
+        return self._projections.fluent(name) if name in self._projections else None
