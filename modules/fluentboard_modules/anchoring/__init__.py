@@ -1,0 +1,1 @@
+"""Context-aware anchoring: stable names for the objects on tables (Chapter 4)."""
