@@ -78,7 +78,7 @@ class Cluster:
 
     @property
     def centroid_map(self) -> FloatArray:
-        """`(3,)`; centre of the box: unlike the mean of the points, it depends little on the view."""
+        """`(3,)`; centre of the box; unlike the mean of the points, hardly depends on the view."""
         return np.array([self.box.pose.x, self.box.pose.y, self.box.pose.z])
 
 
