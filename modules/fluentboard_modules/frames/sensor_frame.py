@@ -56,6 +56,14 @@ class Camera:
             [(u - self.cx) / self.fx, (v - self.cy) / self.fy, np.ones(u.shape)], axis=-1
         )
 
+    def resized(self, width: int) -> Camera:
+        """The same camera with an image of another width, and its height in proportion."""
+        share = width / self.width
+        height = max(round(self.height * share), 1)
+        # Pixel centres are whole numbers, so the image's left edge lies at -0.5.
+        cx, cy = ((c + 0.5) * share - 0.5 for c in (self.cx, self.cy))
+        return Camera(width, height, self.fx * share, self.fy * share, cx, cy)
+
     def project(self, points_camera: FloatArray) -> FloatArray:
         """Pixel coordinates `(n, 2)` of points `(n, 3)` in front of the camera (z > 0)."""
         z = points_camera[:, 2]

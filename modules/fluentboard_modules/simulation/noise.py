@@ -55,6 +55,9 @@ class NoiseConfig(BaseModel):
     dropout: float = Field(default=0.001, ge=0.0, le=1.0)
     """Share of pixels lost for no visible reason."""
 
+    polished: float = Field(default=0.95, ge=0.0, le=1.0)
+    """Share of pixels lost on polished metal, which mirrors the projected pattern away; ours."""
+
     @classmethod
     def none(cls) -> NoiseConfig:
         """A camera without error."""
@@ -66,6 +69,7 @@ class NoiseConfig(BaseModel):
             grazing_from_rad=math.pi / 2,
             grazing_to_rad=math.pi / 2,
             dropout=0.0,
+            polished=0.0,
         )
 
     @property
@@ -160,6 +164,7 @@ def noisy_depth(
     focal_px: float,
     config: NoiseConfig,
     rng: np.random.Generator,
+    polished: NDArray[np.bool_] | None = None,
 ) -> NoisyDepth:
     """What the camera measures instead of the true depth.
 
@@ -169,6 +174,7 @@ def noisy_depth(
         focal_px: of the camera; a smaller image has a smaller lateral noise in pixels.
         config: which errors, and how large.
         rng: source of all randomness.
+        polished: `(h, w)`; which pixels show polished metal.
     """
     clean = np.where(np.isfinite(depth_m), depth_m, 0.0).astype(np.float64)
     lost = clean <= 0.0
@@ -178,6 +184,8 @@ def noisy_depth(
     fading = (incidence_rad - config.grazing_from_rad) / ramp
     if (fading > 0.0).any():
         lost = lost | (rng.random(clean.shape) < fading)
+    if polished is not None and config.polished > 0.0 and polished.any():
+        lost = lost | (polished & (rng.random(clean.shape) < config.polished))
     clean = np.where(lost, 0.0, clean)
 
     source = np.arange(clean.size).reshape(clean.shape)

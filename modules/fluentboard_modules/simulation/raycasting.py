@@ -15,6 +15,8 @@ from fluentboard_modules.simulation.scene import Scene
 Float32Array = NDArray[np.float32]
 
 NO_HIT = -1
+STEEL_COLOUR = (176, 182, 190)
+"""Of polished triangles, whatever the colour of the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,7 @@ class SceneCaster:
         triangle_label: `(m,)` int32; label of the instance of each triangle.
         triangle_normal: `(m, 3)` float32; its unit normal in the map frame.
         triangle_colour: `(m, 3)` float32; the colour of its instance, 0 to 255.
+        triangle_polished: `(m,)` bool; whether it is polished metal.
 
     Raises:
         InvalidInput: the scene is empty.
@@ -47,7 +50,7 @@ class SceneCaster:
         if not scene.instances:
             raise InvalidInput("an empty scene cannot be rendered; add an instance first")
         o3d = _open3d()
-        vertices, triangles, labels, colours = [], [], [], []
+        vertices, triangles, labels, colours, polished = [], [], [], [], []
         first = 0
         for instance in scene.instances:
             mesh = instance.model.mesh
@@ -55,12 +58,17 @@ class SceneCaster:
             triangles.append(mesh.triangles + np.int32(first))
             count = len(mesh.triangles)
             labels.append(np.full(count, instance.label, dtype=np.int32))
-            colours.append(np.broadcast_to(np.float32(instance.model.colour), (count, 3)))
+            is_polished = np.zeros(count, dtype=np.bool_)
+            for begin, end in instance.model.polished:
+                is_polished[begin:end] = True
+            polished.append(is_polished)
+            colours.append(np.where(is_polished[:, None], STEEL_COLOUR, instance.model.colour))
             first += len(mesh.vertices)
         corner = np.concatenate(vertices)
         index = np.concatenate(triangles)
         self.triangle_label: NDArray[np.int32] = np.concatenate(labels)
         self.triangle_colour: Float32Array = np.concatenate(colours).astype(np.float32)
+        self.triangle_polished: NDArray[np.bool_] = np.concatenate(polished)
         self.triangle_normal = _unit_normals(corner, index)
         self._threads = threads
         self._tensor = o3d.core.Tensor.from_numpy

@@ -55,6 +55,8 @@ class Model:
         mesh: metres.
         colour: RGB, 0 to 255.
         supports: where other things may stand on it.
+        polished: ranges `(first, end)` of the mesh's triangles that are polished metal; a depth
+            camera hardly sees it.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Model:
     mesh: Mesh
     colour: Colour = (160, 160, 160)
     supports: tuple[Support, ...] = ()
+    polished: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,6 +109,7 @@ def _model_to_json(model: Model) -> dict[str, Any]:
         "supports": [
             [s.name, s.x, s.y, s.z, s.x_size, s.y_size, s.clearance] for s in model.supports
         ],
+        "polished": [list(part) for part in model.polished],
     }
 
 
@@ -200,7 +201,8 @@ def _model_from_json(
             tuple((int(first), int(end)) for first, end in entry["solids"]),
         )
         supports = tuple(Support(str(s[0]), *(float(v) for v in s[1:])) for s in entry["supports"])
-        return Model(name, cls, mesh, (red, green, blue), supports)
+        polished = tuple((int(first), int(end)) for first, end in entry.get("polished", ()))
+        return Model(name, cls, mesh, (red, green, blue), supports, polished)
     files = [mesh_folder / (name + suffix) for suffix in CAD_SUFFIXES] if mesh_folder else []
     for file in files:
         if file.is_file():

@@ -84,7 +84,8 @@ class RgbdSensor:
         labels = np.append(caster.triangle_label, np.int32(0))[hits.triangle]
         if not self.noise.is_exact:
             incidence = self._incidence_rad(caster, hits, T_map_sensor)
-            measured = noisy_depth(depth, incidence, self.camera.fx, self.noise, rng)
+            polished = np.append(caster.triangle_polished, False)[hits.triangle]
+            measured = noisy_depth(depth, incidence, self.camera.fx, self.noise, rng, polished)
             depth = measured.depth_m
             labels = labels.ravel()[measured.source]
         near, far = self.range_m

@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import Pose
-from fluentboard_modules.simulation import tableware
 from fluentboard_modules.simulation.placement import (
     Place,
     fits,
     support_of,
     try_on_support,
 )
-from fluentboard_modules.simulation.scene import Colour, Instance, Model, Scene
-
-MUG_COLOURS: tuple[Colour, ...] = ((52, 92, 158), (178, 58, 50), (70, 128, 84), (222, 178, 60))
+from fluentboard_modules.simulation.scene import Instance, Model, Scene
+from fluentboard_modules.simulation.table_service import TableService
 
 
 class TableSettingConfig(BaseModel):
@@ -36,6 +35,13 @@ class TableSettingConfig(BaseModel):
 
     missing: float = Field(default=0.06, ge=0.0, le=1.0)
     """Probability that an item of a place is not there."""
+
+    left_handed: float = Field(default=0.0, ge=0.0, le=1.0)
+    """Probability that a place is laid the other way round."""
+
+    meal: Literal["dinner", "coffee"] = "dinner"
+    """Dinner: plate, fork left, knife and spoon right, mug. Coffee: a plate, a mug to its right and
+    a spoon between them."""
 
     shared: tuple[str, ...] = ("TableSign", "Jug", "SugarPot", "MilkPot")
     """Classes of what stands in the middle, in the order of placing."""
@@ -150,6 +156,7 @@ def lay_table(
     rng: np.random.Generator,
     config: TableSettingConfig | None = None,
     places: Sequence[Seat] | None = None,
+    service: TableService | None = None,
 ) -> Scene:
     """The scene with that table laid for so many guests.
 
@@ -160,6 +167,7 @@ def lay_table(
         rng: scatter, missing items and the colours of the mugs.
         config: how tidy and how complete.
         places: where the guests sit, if the table has more chairs than guests.
+        service: what to lay it with; plain tableware if not given.
 
     Raises:
         InvalidInput: the table has fewer seats.
@@ -167,31 +175,49 @@ def lay_table(
     config = config if config is not None else TableSettingConfig()
     table = scene[table_name]
     taken = seats(table, guests, config.place_width_m) if places is None else places[:guests]
+    service = service if service is not None else TableService()
     for seat in taken:
-        scene = _lay_place(scene, table, seat, rng, config)
-    return _lay_middle(scene, table, rng, config) if guests else scene
+        scene = _lay_place(scene, table, seat, rng, config, service)
+    return _lay_middle(scene, table, rng, config, service) if guests else scene
+
+
+# Class, steps to the right and forward from the edge, yaw, and their scatter.
+_PLACE: dict[str, tuple[tuple[str, float, float, float, float, float], ...]] = {
+    "dinner": (
+        ("Plate", 0.0, 0.17, 0.0, 0.008, math.pi),
+        ("Fork", -0.165, 0.15, 0.0, 0.008, 0.06),
+        ("Knife", 0.16, 0.155, 0.0, 0.006, 0.05),
+        ("Spoon", 0.2, 0.15, 0.0, 0.006, 0.05),
+        ("Mug", 0.19, 0.33, -0.5 * math.pi, 0.018, 0.5),
+    ),
+    "coffee": (
+        ("Plate", -0.06, 0.17, 0.0, 0.02, math.pi),
+        ("Spoon", 0.115, 0.16, 0.0, 0.01, 0.15),
+        ("Mug", 0.2, 0.2, -0.5 * math.pi, 0.025, 0.8),
+    ),
+}
 
 
 def _lay_place(
-    scene: Scene, table: Instance, seat: Seat, rng: np.random.Generator, config: TableSettingConfig
+    scene: Scene,
+    table: Instance,
+    seat: Seat,
+    rng: np.random.Generator,
+    config: TableSettingConfig,
+    service: TableService,
 ) -> Scene:
-    mug = replace(tableware.mug(), colour=MUG_COLOURS[int(rng.integers(len(MUG_COLOURS)))])
-    # Model, steps to the right and forward from the edge, yaw, and their scatter.
-    items: list[tuple[Model, float, float, float, float, float]] = [
-        (tableware.plate(), 0.0, 0.17, 0.0, 0.008, math.pi),
-        (tableware.fork(), -0.165, 0.15, 0.0, 0.008, 0.06),
-        (tableware.knife(), 0.16, 0.155, 0.0, 0.006, 0.05),
-        (tableware.spoon(), 0.2, 0.15, 0.0, 0.006, 0.05),
-        (mug, 0.19, 0.33, -0.5 * math.pi, 0.018, 0.5),
-    ]
+    colours = service.mug_colours
+    mug = replace(service.model("Mug"), colour=colours[int(rng.integers(len(colours)))])
+    side = -1.0 if config.left_handed > 0.0 and rng.random() < config.left_handed else 1.0
     top = support_of(table)
-    for model, right, forward, yaw, shift, turn in items:
+    mess = config.untidiness
+    for cls, right, forward, yaw, shift, turn in _PLACE[config.meal]:
         if rng.random() < config.missing:
             continue
-        mess = config.untidiness
+        model = mug if cls == "Mug" else service.model(cls)
 
         def draw(
-            right: float = right,
+            right: float = side * right,
             forward: float = forward,
             yaw: float = yaw,
             shift: float = shift * mess,
@@ -209,12 +235,16 @@ def _lay_place(
 
 
 def _lay_middle(
-    scene: Scene, table: Instance, rng: np.random.Generator, config: TableSettingConfig
+    scene: Scene,
+    table: Instance,
+    rng: np.random.Generator,
+    config: TableSettingConfig,
+    service: TableService,
 ) -> Scene:
     top = support_of(table)
     jug: Place | None = None
     for cls in config.shared:
-        model = shared_model(cls)
+        model: Model = service.model(cls)
         beside = jug if cls in ("SugarPot", "MilkPot") else None
 
         def draw(cls: str = cls, beside: Place | None = beside) -> Place:
@@ -241,25 +271,6 @@ def _lay_middle(
             local = table.T_map_model.inverse() @ thing.T_map_model
             jug = (float(local.translation[0]), float(local.translation[1]), 0.0)
     return scene
-
-
-def shared_model(cls: str) -> Model:
-    """The model of what guests share.
-
-    Raises:
-        InvalidInput: there is none of that class.
-    """
-    makers = {
-        "TableSign": tableware.table_sign,
-        "Jug": tableware.jug,
-        "SugarPot": tableware.sugar_pot,
-        "MilkPot": tableware.milk_pot,
-        "PepperMill": tableware.pepper_mill,
-        "Bowl": tableware.bowl,
-    }
-    if cls not in makers:
-        raise InvalidInput(f"no model for {cls!r}; shared items are {', '.join(makers)}")
-    return makers[cls]()
 
 
 def _stem(cls: str) -> str:

@@ -11,7 +11,8 @@ from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import Pose
 from fluentboard_modules.simulation.furniture import table
 from fluentboard_modules.simulation.scene import Instance
-from fluentboard_modules.simulation.table_setting import Seat, capacity, seats, shared_model
+from fluentboard_modules.simulation.table_service import TableService
+from fluentboard_modules.simulation.table_setting import Seat, capacity, seats
 
 SMALL = Instance("table1", table(width=0.8), Pose(0.0, 0.0, 0.0))
 LARGE = Instance("table2", table(width=1.6), Pose(0.0, 0.0, 0.0))
@@ -52,4 +53,4 @@ def test_right_is_to_the_right_of_a_guest_who_looks_along_x():
 
 def test_an_unknown_shared_item_is_refused():
     with pytest.raises(InvalidInput, match="Piano"):
-        shared_model("Piano")
+        TableService().model("Piano")
