@@ -88,8 +88,11 @@ def test_everything_is_seen_and_lost_from_sight_again(number: int) -> None:
     drive = open_source(f"sim:tables?scene={number}&width=80&noise=0")
     assert isinstance(drive, SimulatedDrive)
     wanted = {thing.label for thing in drive.scene.standing_on(INSPECTED)}
-    seen = [wanted & set(np.unique(frame.labels).tolist()) for frame in drive]
+    seen: list[set[int]] = []
+    for frame in drive:
+        assert frame.labels is not None
+        seen.append({int(label) for label in np.unique(frame.labels)} & wanted)
     assert len(seen) == 72
-    assert set.union(*seen) == wanted
+    assert {label for labels in seen for label in labels} == wanted
     assert any(not labels for labels in seen)  # on the way between two places
     assert any(0 < len(labels) < len(wanted) for labels in seen)
