@@ -14,6 +14,7 @@ from fluentboard_client.conversation import Delta, Event, Gap, Lagged, Snapshot
 from fluentboard_client.exchange import FluentChange, Receipt
 from fluentboard_client.frames import FrameClient, ReceivedFrame
 from fluentboard_client.results import BlankNode, Iri, Row, Term, row_text, term_text
+from fluentboard_client.trajectories import PoseAt, PoseGap, PoseHeld, Trajectory
 
 __all__ = [
     "AssertFluent",
@@ -29,12 +30,16 @@ __all__ = [
     "Gap",
     "Iri",
     "Lagged",
+    "PoseAt",
+    "PoseGap",
+    "PoseHeld",
     "Receipt",
     "ReceivedFrame",
     "RefineFluent",
     "Row",
     "Snapshot",
     "Term",
+    "Trajectory",
     "row_text",
     "term_text",
 ]

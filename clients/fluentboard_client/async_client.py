@@ -13,12 +13,13 @@ import httpx
 
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Interval
-from fluentboard_client import exchange
+from fluentboard_client import exchange, trajectories
 from fluentboard_client.client import DEFAULT_BOARD
 from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted_async, file_pieces
+from fluentboard_client.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from fluentboard_client.conversation import Mode
@@ -164,6 +165,18 @@ class AsyncClient:
                 yield entry
             if cursor is None:
                 return
+
+    async def trajectory(
+        self,
+        name: str,
+        *,
+        at: Sequence[Time] = (),
+        during: tuple[float, float] | None = None,
+        as_of: int | None = None,
+    ) -> Trajectory:
+        """See `Client.trajectory`."""
+        request = trajectories.trajectory(name, at, during, as_of)
+        return trajectories.trajectory_of(await self._send(request))
 
     async def query(
         self,

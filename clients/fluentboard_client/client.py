@@ -13,11 +13,12 @@ import httpx
 
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Interval
-from fluentboard_client import exchange
+from fluentboard_client import exchange, trajectories
 from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted, file_pieces
+from fluentboard_client.trajectories import Trajectory
 
 if TYPE_CHECKING:
     from fluentboard_client.conversation import Mode
@@ -228,6 +229,28 @@ class Client:
             yield from page
             if cursor is None:
                 return
+
+    def trajectory(
+        self,
+        name: str,
+        *,
+        at: Sequence[Time] = (),
+        during: tuple[float, float] | None = None,
+        as_of: int | None = None,
+    ) -> Trajectory:
+        """Where an object was: its poses over time, the way it travelled, what is not known.
+
+        Args:
+            name: of the object.
+            at: tell its position at these times as well, in seconds or `"now"`.
+            during: only poses that it may have had at some moment of this window.
+            as_of: as was believed after that commit.
+
+        Raises:
+            UnknownFluent: there is no such object.
+        """
+        request = trajectories.trajectory(name, at, during, as_of)
+        return trajectories.trajectory_of(self._send(request))
 
     def query(
         self,

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from fluentboard.model.fluent import Fluent
+from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.interval import Interval
 from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
 
@@ -65,6 +66,23 @@ def test_export_gives_back_what_was_imported(service: ServiceProcess, tmp_path: 
     assert list(tmp_path.iterdir()) == [file]  # and nothing half-written beside it
     lines = command(service, "export", "--format", "jsonl").stdout.splitlines()
     assert {json.loads(line)["name"] for line in lines} >= {"holding0", "on4"}
+
+
+def test_trajectory_shows_poses_distance_and_positions(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        for number, (x, start, finish) in enumerate([(1.0, None, 50.0), (3.0, 60.0, None)]):
+            values = (Property("hasX", "xsd:double", x),)
+            board.assert_fluents(
+                Fluent(f"p{number}", "Pose", Interval.at(start), Interval.at(finish), values)
+            )
+        poses = tuple(Property("hasPose", "Pose", f"p{number}") for number in range(2))
+        board.assert_fluents(Fluent("mug7", "Mug", properties=poses))
+    shown = command(service, "trajectory", "mug7", "--at", "55", "--at", "70").stdout.splitlines()
+    assert "2 poses, at least 2.000 m travelled" in shown
+    assert shown[-2:] == ["at 55 s: not known", "at 70 s: certain at p1"]
+    table = command(service, "trajectory", "mug7", "--format", "csv", "--during", "55,90").stdout
+    (row,) = csv.DictReader(table.splitlines())
+    assert (row["pose"], row["start"], row["finish"], row["x"]) == ("p1", "60", "?", "3.0")
 
 
 def test_wrong_file_is_refused_with_file_line_and_value(

@@ -21,6 +21,7 @@ from fluentboard.api.graph_store import GraphStoreRoutes
 from fluentboard.api.live import LiveRoutes
 from fluentboard.api.loading import reader_for
 from fluentboard.api.metrics import Metrics
+from fluentboard.api.objects import ObjectRoutes
 from fluentboard.api.openapi import openapi_document
 from fluentboard.api.operations import Operation, Router, no_such_path
 from fluentboard.api.problems import internal_error, method_not_allowed, problem_reply
@@ -130,6 +131,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *graph_store.operations(),
         *rdf4j.operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
+        *ObjectRoutes(blackboard).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),
         *frames.operations(),
