@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.interval import Interval
+from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
 
@@ -70,11 +70,11 @@ def test_export_gives_back_what_was_imported(service: ServiceProcess, tmp_path: 
 
 def test_trajectory_shows_poses_distance_and_positions(service: ServiceProcess) -> None:
     with Client(service.address) as board:
-        for number, (x, start, finish) in enumerate([(1.0, None, 50.0), (3.0, 60.0, None)]):
+        for number, (x, start, finish) in enumerate(
+            [(1.0, UNKNOWN, Interval.at(50.0)), (3.0, Interval.at(60.0), UNKNOWN)]
+        ):
             values = (Property("hasX", "xsd:double", x),)
-            board.assert_fluents(
-                Fluent(f"p{number}", "Pose", Interval.at(start), Interval.at(finish), values)
-            )
+            board.assert_fluents(Fluent(f"p{number}", "Pose", start, finish, values))
         poses = tuple(Property("hasPose", "Pose", f"p{number}") for number in range(2))
         board.assert_fluents(Fluent("mug7", "Mug", properties=poses))
     shown = command(service, "trajectory", "mug7", "--at", "55", "--at", "70").stdout.splitlines()
