@@ -122,13 +122,45 @@ class ContourConfig(_Settings):
     )
 
 
+class CloudConfig(_Settings):
+    """Planes of clouds without rows and columns, and of many registered frames."""
+
+    voxel_m: float = Field(default=0.02, gt=0.0, description="One mean point per voxel.")
+    planar_residual_m: float = Field(
+        default=0.012,
+        gt=0.0,
+        description="Root mean square within 5 voxels; edges and clutter exceed it.",
+    )
+    grow_angle_deg: float = Field(
+        default=18.0, gt=0.0, lt=90.0, description="Of a voxel's normal to the segment's."
+    )
+    grow_distance_m: float = Field(
+        default=0.025, gt=0.0, description="Registered frames agree to 2-4 cm only."
+    )
+    border_angle_deg: float = Field(
+        default=40.0, gt=0.0, lt=90.0, description="Voxels beside an edge have bad normals."
+    )
+    seed_voxels: int = Field(default=40, ge=4, description="Smallest segment; 160 cm^2 at 2 cm.")
+    merge_angle_deg: float = Field(default=10.0, gt=0.0, lt=90.0)
+    merge_distance_m: float = Field(
+        default=0.04, gt=0.0, description="From the centre of one to the plane of the other."
+    )
+    merge_misfit_m: float = Field(
+        default=0.015, gt=0.0, description="Of either part from their common plane."
+    )
+    merge_gap_m: float = Field(
+        default=0.10, ge=0.0, description="As between segments of one image."
+    )
+
+
 class SurfacesConfig(_Settings):
-    """Everything from a depth image to its planar regions."""
+    """Everything from a frame to its planar regions."""
 
     noise: DepthNoiseConfig = DepthNoiseConfig()
     normals: NormalsConfig = NormalsConfig()
     segmentation: SegmentationConfig = SegmentationConfig()
     contours: ContourConfig = ContourConfig()
+    cloud: CloudConfig = CloudConfig()
     range_max_m: float = Field(
         default=6.0, gt=0.0, description="Beyond, a Kinect's depth is 7 cm off."
     )

@@ -11,6 +11,8 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from fluentboard.model.geometry import FloatArray, Plane, Pose, Transform
 
+_LEVEL_RAD = np.deg2rad(20.0)  # flatter than this, a region's x follows its longer side
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanarRegion:
@@ -110,6 +112,10 @@ class PlanarRegion:
         )
         return as_multipolygon(seen)
 
+    def numbered(self, index: int) -> PlanarRegion:
+        """The same region under another number."""
+        return replace(self, index=index)
+
     def moved(self, T_new_map: Transform) -> PlanarRegion:
         """The same region in another map frame."""
         return replace(
@@ -128,6 +134,36 @@ def as_multipolygon(shape: object) -> MultiPolygon:
     parts = getattr(shape, "geoms", ())
     polygons = [polygon for part in parts for polygon in as_multipolygon(part).geoms]
     return MultiPolygon(polygons)
+
+
+def contour_gap_m(a: PlanarRegion, b: PlanarRegion) -> float:
+    """Distance between two contours, both seen along the normal of the first, metres."""
+    T_a_b = a.T_map_region.inverse() @ b.T_map_region
+    r, t = T_a_b.rotation, T_a_b.translation
+    b_on_a = affine_transform(
+        b.contour, [r[0, 0], r[0, 1], r[1, 0], r[1, 1], float(t[0]), float(t[1])]
+    )
+    return float(a.contour.distance(b_on_a))
+
+
+def region_axes(
+    normal: FloatArray, spread: FloatArray, weight: FloatArray | None = None
+) -> FloatArray:
+    """`(3, 3)`; columns x, y, z of a region's axes in the map frame.
+
+    Args:
+        normal: `(3,)`; becomes z.
+        spread: `(n, 3)`; its points relative to their centre. If the region is level, x follows
+            its longer side.
+        weight: `(n,)`; how much surface each point stands for; None for all the same.
+    """
+    if abs(normal[2]) <= np.cos(_LEVEL_RAD):
+        return upright_axes(normal)
+    level = spread[:, :2]
+    covariance = (level if weight is None else level * weight[:, None]).T @ level
+    longest = np.linalg.eigh(covariance)[1][:, 1]
+    longest = longest * (1.0 if longest[np.argmax(np.abs(longest))] > 0.0 else -1.0)
+    return upright_axes(normal, np.array([longest[0], longest[1], 0.0]))
 
 
 def upright_axes(normal: FloatArray, direction: FloatArray | None = None) -> FloatArray:

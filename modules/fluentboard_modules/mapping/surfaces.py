@@ -11,10 +11,16 @@ from shapely.affinity import affine_transform
 
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.cloud_regions import regions_of_cloud
 from fluentboard_modules.mapping.config import SurfacesConfig
 from fluentboard_modules.mapping.contours import trace_contour
 from fluentboard_modules.mapping.normals import fit_local_planes
-from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
+from fluentboard_modules.mapping.planar_region import (
+    PlanarRegion,
+    as_multipolygon,
+    contour_gap_m,
+    region_axes,
+)
 from fluentboard_modules.mapping.segments import (
     Cells,
     PlaneMerger,
@@ -25,17 +31,21 @@ from fluentboard_modules.mapping.segments import (
     segment_planes,
     summarise,
 )
-
-_LEVEL_RAD = np.deg2rad(20.0)  # flatter than this, a region's x follows its longer side
+from fluentboard_modules.mapping.voxel_cloud import SceneCloud
 
 
 def detect_regions(frame: SensorFrame, config: SurfacesConfig) -> list[PlanarRegion]:
-    """The planar regions one depth image shows, largest first, in the map frame.
+    """The planar regions one frame shows, largest first, in the map frame.
 
     Args:
-        frame: any depth image; without a single plane in it the result is empty.
+        frame: a depth image or an unorganised cloud; without a single plane in it the result is
+            empty.
         config: see `SurfacesConfig`.
     """
+    if frame.cloud_sensor is not None:
+        scene = SceneCloud(config.cloud.voxel_m)
+        scene.add(frame.T_map_sensor.apply(frame.cloud_sensor), frame.T_map_sensor.translation)
+        return regions_of_cloud(scene.voxels(), config.cloud, config.contours)
     depth_m = np.where(frame.valid, frame.depth_m, np.float32(0.0)).astype(np.float32, copy=False)
     if not depth_m.any():
         return []
@@ -132,16 +142,8 @@ def _region_axes(
     length = np.linalg.norm(plane)
     origin += plane * (1.0 - float(plane @ origin)) / length**2  # back onto the plane exactly
     normal_map = T_map_camera.rotate(-plane / length)
-    if abs(normal_map[2]) > np.cos(_LEVEL_RAD):
-        # A far cell covers more surface, so it weighs more: area goes with the square of depth.
-        weight = points[:, 2] ** 2
-        spread = T_map_camera.rotate(points - origin)[:, :2]
-        covariance = (spread * weight[:, None]).T @ spread
-        longest = np.linalg.eigh(covariance)[1][:, 1]
-        longest = longest * (1.0 if longest[np.argmax(np.abs(longest))] > 0.0 else -1.0)
-        axes_map = upright_axes(normal_map, np.array([longest[0], longest[1], 0.0]))
-    else:
-        axes_map = upright_axes(normal_map)
+    # A far cell covers more surface, so it weighs more: area goes with the square of depth.
+    axes_map = region_axes(normal_map, T_map_camera.rotate(points - origin), points[:, 2] ** 2)
     T_camera_region = np.eye(4)
     T_camera_region[:3, :3] = T_map_camera.rotation.T @ axes_map
     T_camera_region[:3, 3] = origin
@@ -173,7 +175,7 @@ def _merge_across_gaps(
             if np.median(np.abs(a_from_b[:, 2])) > gap:
                 continue
             pairs.append((a, b))
-    near = [(a, b) for a, b in pairs if _contour_gap_m(regions[a], regions[b]) <= gap]
+    near = [(a, b) for a, b in pairs if contour_gap_m(regions[a], regions[b]) <= gap]
     if not near:
         return segments, set()
     merger = PlaneMerger(segments, local_directions(cells, segments), config.segmentation)
@@ -185,13 +187,3 @@ def _merge_across_gaps(
     labels = np.where(segments.labels >= 0, root[segments.labels], -1).astype(np.int32)
     changed = set(swallowed.tolist()) | set(root[swallowed].tolist())
     return summarise(cells, labels, segments.counts.size), changed
-
-
-def _contour_gap_m(a: PlanarRegion, b: PlanarRegion) -> float:
-    """Distance between two contours, both seen along the normal of the first, metres."""
-    T_a_b = a.T_map_region.inverse() @ b.T_map_region
-    r, t = T_a_b.rotation, T_a_b.translation
-    b_on_a = affine_transform(
-        b.contour, [r[0, 0], r[0, 1], r[1, 0], r[1, 1], float(t[0]), float(t[1])]
-    )
-    return float(a.contour.distance(b_on_a))

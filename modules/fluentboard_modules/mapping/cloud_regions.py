@@ -1,0 +1,214 @@
+"""A cloud without rows and columns to planar regions in the map frame (section 3.2.1)."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from shapely.affinity import affine_transform
+from shapely.geometry import MultiPolygon, Polygon
+
+from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.mapping.cloud_normals import fit_cloud_planes
+from fluentboard_modules.mapping.cloud_segments import numbered_by_size, segment_cloud
+from fluentboard_modules.mapping.config import CloudConfig, ContourConfig
+from fluentboard_modules.mapping.contours import tidy
+from fluentboard_modules.mapping.planar_region import (
+    PlanarRegion,
+    as_multipolygon,
+    contour_gap_m,
+    region_axes,
+)
+from fluentboard_modules.mapping.voxel_cloud import VoxelCloud
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Segment:
+    """Voxels of one plane.
+
+    Attributes:
+        voxels: `(k,)`; their rows in the cloud.
+        normal: `(3,)`; towards the sensor.
+        centre: `(3,)`; mean of the voxels.
+        rms_m: of their distances from the plane.
+    """
+
+    voxels: NDArray[np.int64]
+    normal: FloatArray
+    centre: FloatArray
+    rms_m: float
+
+
+def regions_of_cloud(
+    cloud: VoxelCloud, config: CloudConfig, contours: ContourConfig
+) -> list[PlanarRegion]:
+    """The planar regions of a scene, largest first; why there is none goes to the log.
+
+    Args:
+        cloud: the scene, from `SceneCloud`.
+        config: see `CloudConfig`.
+        contours: tolerances of outlines.
+    """
+    if len(cloud) < config.seed_voxels:
+        logger.warning(
+            "no planes: the cloud fills %d voxels of %g m, a plane needs %d; points may be "
+            "duplicates, in another unit than metres, or invalid",
+            len(cloud),
+            cloud.voxel_m,
+            config.seed_voxels,
+        )
+        return []
+    planes = fit_cloud_planes(cloud)
+    labels = segment_cloud(cloud, planes, config)
+    if not (labels >= 0).any():
+        logger.warning(
+            "no planes: in none of %d places do %d voxels lie within %g m of a common plane",
+            len(cloud),
+            config.seed_voxels,
+            config.grow_distance_m,
+        )
+        return []
+    segments = _segments(cloud, labels, planes.normals)
+    outlined = [(segment, _region(cloud, segment, contours)) for segment in segments]
+    kept = [(segment, region) for segment, region in outlined if region is not None]
+    merged = _merged_coplanar(cloud, kept, config)
+    if merged is not None:
+        relabelled = np.full(len(cloud), -1, dtype=np.int32)
+        for number, voxels in enumerate(merged):
+            relabelled[voxels] = number
+        segments = _segments(cloud, numbered_by_size(relabelled), planes.normals)
+        kept = [
+            (segment, region)
+            for segment in segments
+            if (region := _region(cloud, segment, contours)) is not None
+        ]
+    found = sorted(
+        (region for _, region in kept if region.area_m2 >= contours.smallest_region_m2),
+        key=lambda region: -region.area_m2,
+    )
+    return [region.numbered(index) for index, region in enumerate(found)]
+
+
+def _segments(cloud: VoxelCloud, labels: NDArray[np.int32], normals: FloatArray) -> list[_Segment]:
+    order = np.argsort(labels, kind="stable")
+    bounds = np.searchsorted(labels[order], np.arange(int(labels.max()) + 2))
+    segments: list[_Segment] = []
+    for first, last in itertools.pairwise(bounds):
+        voxels = order[first:last]
+        normal, centre, rms_m = _fitted(cloud.points[voxels])
+        if normal @ normals[voxels].sum(axis=0) < 0.0:
+            normal = -normal
+        segments.append(_Segment(voxels, normal, centre, rms_m))
+    return segments
+
+
+def _fitted(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Unit normal, mean and root mean square distance of points `(n, 3)` from their plane."""
+    centre = points.mean(axis=0)
+    spread = points - centre
+    values, vectors = np.linalg.eigh(spread.T @ spread / len(points))
+    return vectors[:, 0], centre, float(np.sqrt(max(values[0], 0.0)))
+
+
+def _region(cloud: VoxelCloud, segment: _Segment, contours: ContourConfig) -> PlanarRegion | None:
+    """The outlined region of a segment; None if it is too ragged to have an outline."""
+    points = cloud.points[segment.voxels]
+    axes = region_axes(segment.normal, points - segment.centre)
+    on_plane = (points - segment.centre) @ axes[:, :2]
+    contour = outline_of_points(on_plane, cloud.voxel_m, contours)
+    if contour.is_empty:
+        return None
+    middle = contour.centroid
+    origin = segment.centre + axes[:, :2] @ (middle.x, middle.y)
+    towards = cloud.towards_sensor[segment.voxels].sum(axis=0)
+    length = float(np.linalg.norm(towards))
+    return PlanarRegion(
+        index=0,
+        T_map_region=Transform.from_parts(axes, origin),
+        contour=as_multipolygon(affine_transform(contour, [1, 0, 0, 1, -middle.x, -middle.y])),
+        n_points=int(cloud.counts[segment.voxels].sum()),
+        rms_m=segment.rms_m,
+        # Of many views only the mean direction is known; a metre along it faces the same side.
+        sensor_position=origin + (towards / length if length > 0.0 else segment.normal),
+    )
+
+
+def outline_of_points(points: FloatArray, cell_m: float, config: ContourConfig) -> MultiPolygon:
+    """The outline, with holes, of the cells that points fill.
+
+    Args:
+        points: `(n, 2)`; on the plane, metres, about one per cell.
+        cell_m: edge length of a cell.
+        config: tolerances.
+    """
+    low = points.min(axis=0)
+    columns, rows = ((points - low) / cell_m).astype(np.int64).T
+    filled = np.zeros((int(rows.max()) + 1, int(columns.max()) + 1), dtype=np.uint8)
+    filled[rows, columns] = 1
+    # Twice as fine, so that the outline runs half a cell outside the centres; voxels askew to the
+    # cells leave single ones empty, which closing fills.
+    fine = np.pad(filled.repeat(2, axis=0).repeat(2, axis=1), 6)
+    fine = cv2.morphologyEx(fine, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    rings, hierarchy = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    if hierarchy is None:
+        return MultiPolygon()
+    corners = [((ring[:, 0, :] - 6.0) / 2.0 + 0.25) * cell_m + low for ring in rings]
+    parts: list[Polygon] = []
+    for number, (_, _, _, parent) in enumerate(hierarchy[0]):
+        if parent < 0 and len(corners[number]) >= 3:
+            holes = [
+                corners[child]
+                for child, (_, _, _, its_parent) in enumerate(hierarchy[0])
+                if its_parent == number and len(corners[child]) >= 3
+            ]
+            parts.append(Polygon(corners[number], holes))
+    return tidy(MultiPolygon(parts), config)
+
+
+def _merged_coplanar(
+    cloud: VoxelCloud,
+    outlined: list[tuple[_Segment, PlanarRegion]],
+    config: CloudConfig,
+) -> list[NDArray[np.int64]] | None:
+    """Voxels of the segments after joining those that only a shadow parts; None if there are none.
+
+    Two are joined if either fits the common plane hardly worse than its own, as in the image.
+    """
+    if len(outlined) < 2:
+        return None
+    normals = np.array([segment.normal for segment, _ in outlined])
+    centres = np.array([segment.centre for segment, _ in outlined])
+    boxes = np.array([region.bounds_map() for _, region in outlined])
+    gap = config.merge_gap_m
+    alike = normals @ normals.T >= np.cos(np.deg2rad(config.merge_angle_deg))
+    # The larger segment's plane passes near the other's centre.
+    offset = np.abs(np.einsum("ik,ijk->ij", normals, centres[None, :] - centres[:, None]))
+    alike &= np.minimum(offset, offset.T) <= config.merge_distance_m
+    alike &= (boxes[:, None, 0] <= boxes[None, :, 1] + gap).all(axis=2)
+    alike &= (boxes[None, :, 0] <= boxes[:, None, 1] + gap).all(axis=2)
+    groups: dict[int, NDArray[np.int64]] = {
+        index: segment.voxels for index, (segment, _) in enumerate(outlined)
+    }
+    root = list(range(len(outlined)))
+    for a, b in np.argwhere(np.triu(alike, 1)).tolist():
+        first, second = root[a], root[b]
+        if first == second or contour_gap_m(outlined[a][1], outlined[b][1]) > gap:
+            continue
+        together = np.concatenate([groups[first], groups[second]])
+        normal, centre, _ = _fitted(cloud.points[together])
+        misfit = max(
+            float(np.sqrt(np.mean(((cloud.points[part] - centre) @ normal) ** 2)))
+            for part in (groups[first], groups[second])
+        )
+        if misfit > config.merge_misfit_m:
+            continue
+        groups[first] = together
+        del groups[second]
+        root = [first if one == second else one for one in root]
+    return None if len(groups) == len(outlined) else list(groups.values())
