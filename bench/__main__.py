@@ -12,7 +12,15 @@ from pathlib import Path
 
 from bench.measuring import Report
 
-SCRIPTS = ("insert", "queries", "what_holds", "http_service", "subscriptions", "kills")
+SCRIPTS = (
+    "insert",
+    "queries",
+    "what_holds",
+    "http_service",
+    "subscriptions",
+    "kills",
+    "mapping_scene",
+)
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"
 _RESULTS = _FOLDER / "results"

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from shapely.affinity import affine_transform
 from shapely.geometry import MultiPolygon, Polygon
 
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.mapping.cloud_normals import fit_cloud_planes
-from fluentboard_modules.mapping.cloud_segments import numbered_by_size, segment_cloud
+from fluentboard_modules.mapping.cloud_segments import segment_cloud
 from fluentboard_modules.mapping.config import CloudConfig, ContourConfig
 from fluentboard_modules.mapping.contours import tidy
 from fluentboard_modules.mapping.planar_region import (
@@ -74,22 +75,22 @@ def regions_of_cloud(
             config.grow_distance_m,
         )
         return []
-    segments = _segments(cloud, labels, planes.normals)
-    outlined = [(segment, _region(cloud, segment, contours)) for segment in segments]
-    kept = [(segment, region) for segment, region in outlined if region is not None]
-    merged = _merged_coplanar(cloud, kept, config)
-    if merged is not None:
-        relabelled = np.full(len(cloud), -1, dtype=np.int32)
-        for number, voxels in enumerate(merged):
-            relabelled[voxels] = number
-        segments = _segments(cloud, numbered_by_size(relabelled), planes.normals)
-        kept = [
-            (segment, region)
-            for segment in segments
-            if (region := _region(cloud, segment, contours)) is not None
-        ]
+    outlined = [
+        (segment, region)
+        for segment in _segments(cloud, labels, planes.normals)
+        if (region := _region(cloud, segment, contours)) is not None
+    ]
+    regions: list[PlanarRegion] = []
+    for group in _coplanar_groups(cloud, outlined, config):
+        if len(group) == 1:
+            regions.append(outlined[group[0]][1])
+            continue
+        voxels = np.concatenate([outlined[index][0].voxels for index in group])
+        region = _region(cloud, _segment(cloud, voxels, planes.normals), contours)
+        if region is not None:
+            regions.append(region)
     found = sorted(
-        (region for _, region in kept if region.area_m2 >= contours.smallest_region_m2),
+        (region for region in regions if region.area_m2 >= contours.smallest_region_m2),
         key=lambda region: -region.area_m2,
     )
     return [region.numbered(index) for index, region in enumerate(found)]
@@ -98,14 +99,16 @@ def regions_of_cloud(
 def _segments(cloud: VoxelCloud, labels: NDArray[np.int32], normals: FloatArray) -> list[_Segment]:
     order = np.argsort(labels, kind="stable")
     bounds = np.searchsorted(labels[order], np.arange(int(labels.max()) + 2))
-    segments: list[_Segment] = []
-    for first, last in itertools.pairwise(bounds):
-        voxels = order[first:last]
-        normal, centre, rms_m = _fitted(cloud.points[voxels])
-        if normal @ normals[voxels].sum(axis=0) < 0.0:
-            normal = -normal
-        segments.append(_Segment(voxels, normal, centre, rms_m))
-    return segments
+    return [
+        _segment(cloud, order[first:last], normals) for first, last in itertools.pairwise(bounds)
+    ]
+
+
+def _segment(cloud: VoxelCloud, voxels: NDArray[np.int64], normals: FloatArray) -> _Segment:
+    normal, centre, rms_m = _fitted(cloud.points[voxels])
+    if normal @ normals[voxels].sum(axis=0) < 0.0:
+        normal = -normal
+    return _Segment(voxels, normal, centre, rms_m)
 
 
 def _fitted(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -147,12 +150,12 @@ def outline_of_points(points: FloatArray, cell_m: float, config: ContourConfig) 
         cell_m: edge length of a cell.
         config: tolerances.
     """
-    low = points.min(axis=0)
+    low = points.min(axis=0) - 0.5 * cell_m  # points lie near the middles of cells
     columns, rows = ((points - low) / cell_m).astype(np.int64).T
     filled = np.zeros((int(rows.max()) + 1, int(columns.max()) + 1), dtype=np.uint8)
     filled[rows, columns] = 1
-    # Twice as fine, so that the outline runs half a cell outside the centres; voxels askew to the
-    # cells leave single ones empty, which closing fills.
+    # Twice as fine, so that the outline, which runs through the centres of pixels, leaves no cell
+    # out; voxels askew to the cells leave single ones empty, which closing fills.
     fine = np.pad(filled.repeat(2, axis=0).repeat(2, axis=1), 6)
     fine = cv2.morphologyEx(fine, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     rings, hierarchy = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -168,47 +171,49 @@ def outline_of_points(points: FloatArray, cell_m: float, config: ContourConfig) 
                 if its_parent == number and len(corners[child]) >= 3
             ]
             parts.append(Polygon(corners[number], holes))
-    return tidy(MultiPolygon(parts), config)
+    contour = MultiPolygon(parts)
+    if not contour.is_valid:
+        contour = as_multipolygon(shapely.make_valid(contour))
+    # From the centres of the outermost pixels to the edges of their cells.
+    grown = contour.buffer(0.25 * cell_m, join_style="mitre")
+    return tidy(as_multipolygon(grown), config)
 
 
-def _merged_coplanar(
+def _coplanar_groups(
     cloud: VoxelCloud,
     outlined: list[tuple[_Segment, PlanarRegion]],
     config: CloudConfig,
-) -> list[NDArray[np.int64]] | None:
-    """Voxels of the segments after joining those that only a shadow parts; None if there are none.
+) -> list[list[int]]:
+    """Which segments are one surface that only a shadow parts; alone where there is no other.
 
     Two are joined if either fits the common plane hardly worse than its own, as in the image.
     """
+    groups: dict[int, list[int]] = {index: [index] for index in range(len(outlined))}
     if len(outlined) < 2:
-        return None
+        return list(groups.values())
     normals = np.array([segment.normal for segment, _ in outlined])
     centres = np.array([segment.centre for segment, _ in outlined])
     boxes = np.array([region.bounds_map() for _, region in outlined])
     gap = config.merge_gap_m
     alike = normals @ normals.T >= np.cos(np.deg2rad(config.merge_angle_deg))
-    # The larger segment's plane passes near the other's centre.
+    # The plane of one of them passes near the other's centre.
     offset = np.abs(np.einsum("ik,ijk->ij", normals, centres[None, :] - centres[:, None]))
     alike &= np.minimum(offset, offset.T) <= config.merge_distance_m
     alike &= (boxes[:, None, 0] <= boxes[None, :, 1] + gap).all(axis=2)
     alike &= (boxes[None, :, 0] <= boxes[:, None, 1] + gap).all(axis=2)
-    groups: dict[int, NDArray[np.int64]] = {
-        index: segment.voxels for index, (segment, _) in enumerate(outlined)
-    }
     root = list(range(len(outlined)))
     for a, b in np.argwhere(np.triu(alike, 1)).tolist():
         first, second = root[a], root[b]
         if first == second or contour_gap_m(outlined[a][1], outlined[b][1]) > gap:
             continue
-        together = np.concatenate([groups[first], groups[second]])
-        normal, centre, _ = _fitted(cloud.points[together])
-        misfit = max(
-            float(np.sqrt(np.mean(((cloud.points[part] - centre) @ normal) ** 2)))
-            for part in (groups[first], groups[second])
-        )
+        parts = [
+            np.concatenate([cloud.points[outlined[index][0].voxels] for index in groups[one]])
+            for one in (first, second)
+        ]
+        normal, centre, _ = _fitted(np.concatenate(parts))
+        misfit = max(float(np.sqrt(np.mean(((part - centre) @ normal) ** 2))) for part in parts)
         if misfit > config.merge_misfit_m:
             continue
-        groups[first] = together
-        del groups[second]
+        groups[first] += groups.pop(second)
         root = [first if one == second else one for one in root]
-    return None if len(groups) == len(outlined) else list(groups.values())
+    return list(groups.values())

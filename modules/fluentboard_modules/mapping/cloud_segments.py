@@ -51,10 +51,10 @@ def segment_cloud(cloud: VoxelCloud, planes: CloudPlanes, config: CloudConfig) -
         float(np.cos(np.deg2rad(config.border_angle_deg))),
         config.grow_distance_m,
     )
-    return numbered_by_size(labels)
+    return _numbered_by_size(labels)
 
 
-def numbered_by_size(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+def _numbered_by_size(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """The same segments, numbered without gaps, the largest first."""
     counts = np.bincount(labels[labels >= 0])
     order = np.argsort(-counts, kind="stable")[: int(np.count_nonzero(counts))]

@@ -153,6 +153,27 @@ class CloudConfig(_Settings):
     )
 
 
+class MeshConfig(_Settings):
+    """The triangle mesh of the environment."""
+
+    voxel_m: float = Field(default=0.02, gt=0.0)
+    range_max_m: float = Field(
+        default=5.0, gt=0.0, description="Beyond, a Kinect's depth is 4 cm off."
+    )
+    truncation_voxels: float = Field(
+        default=4.0, ge=1.0, description="Registered frames agree to 2-4 cm only."
+    )
+    least_weight: float = Field(
+        default=3.0, ge=0.0, description="Surfaces seen less often are noise, given many frames."
+    )
+    edge_share: float = Field(
+        default=0.04,
+        gt=0.0,
+        description="Neighbouring pixels of one surface differ by less of their depth.",
+    )
+    blocks: int = Field(default=8_000, ge=1, description="Of 16^3 voxels at first; it grows.")
+
+
 class SurfacesConfig(_Settings):
     """Everything from a frame to its planar regions."""
 
@@ -307,4 +328,5 @@ class MappingConfig(_Settings):
     """Everything the mapping module can be told."""
 
     surfaces: SurfacesConfig = SurfacesConfig()
+    mesh: MeshConfig = MeshConfig()
     furniture: FurnitureMapConfig = FurnitureMapConfig()
