@@ -1,0 +1,292 @@
+"""Settings of anchoring, each with a unit and where its value comes from."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DepthNoiseConfig(_Settings):
+    """Standard deviation of a depth reading: that of the Kinect (Nguyen, Izadi and Lovell 2012).
+
+    sigma_z = `constant_m` + `quadratic_per_m` (z - `reference_m`)^2.
+    """
+
+    constant_m: float = Field(default=0.0012, gt=0.0)
+    quadratic_per_m: float = Field(default=0.0019, ge=0.0)
+    reference_m: float = Field(default=0.4, ge=0.0)
+
+
+class SupportConfig(_Settings):
+    """Tops that objects stand on, found by RANSAC among level patches."""
+
+    range_max_m: float = Field(
+        default=3.5, gt=0.0, description="Beyond, a mug has fewer than 20 x 20 pixels."
+    )
+    height_min_m: float = Field(
+        default=0.3, description="Lower level surfaces are floors, unless the camera is near them."
+    )
+    floor_below_camera_m: float = Field(
+        default=0.9,
+        gt=0.0,
+        description="What is less below the camera is no floor, whatever its height in the map.",
+    )
+    height_max_m: float = Field(default=1.6, description="Higher surfaces are out of reach.")
+    level_deg: float = Field(
+        default=20.0,
+        gt=0.0,
+        lt=90.0,
+        description="Local patches tilted more are not part of a top; noise tilts them by 5.",
+    )
+    tilt_max_deg: float = Field(
+        default=4.0,
+        gt=0.0,
+        lt=45.0,
+        description="Gravity prior: poses and gravity are 2 degrees off (7-Scenes).",
+    )
+    samples: int = Field(default=60, ge=1, description="RANSAC draws per top.")
+    tolerance_m: float = Field(
+        default=0.008, gt=0.0, description="Distance of inliers, to which 2 sigma of noise add."
+    )
+    area_min_m2: float = Field(
+        default=0.10, gt=0.0, description="Smaller tops are boxes, seats or books; in one frame."
+    )
+    cell_m: float = Field(default=0.02, gt=0.0, description="Raster of outlines.")
+    gap_m: float = Field(
+        default=0.16,
+        ge=0.0,
+        description="Objects and their shadows leave gaps in a top; so wide ones are closed.",
+    )
+    tops_max: int = Field(default=6, ge=1, description="Per frame, the largest.")
+    same_height_m: float = Field(
+        default=0.06, gt=0.0, description="Views of one top agree so well: poses drift 2-4 cm."
+    )
+    forget_frames: int = Field(
+        default=24, ge=2, description="An outline forgets cells that so many views did not renew."
+    )
+
+
+class SegmentationConfig(_Settings):
+    """Clusters of points above a top."""
+
+    noise: DepthNoiseConfig = DepthNoiseConfig()
+    rise_m: float = Field(
+        default=0.006, gt=0.0, description="Points are above a top from here on, plus noise."
+    )
+    rise_sigma: float = Field(
+        default=1.6, ge=0.0, description="Noise of the height that adds to it, averaged over 3x3."
+    )
+    height_max_m: float = Field(default=0.5, gt=0.0, description="Larger things are no tableware.")
+    width_max_m: float = Field(default=0.6, gt=0.0, description="Largest horizontal extent.")
+    height_min_m: float = Field(
+        default=0.010, gt=0.0, description="Flatter clusters are dents of the top; plus noise."
+    )
+    rim_rise_m: float = Field(
+        default=0.03,
+        ge=0.0,
+        description="Flatter clusters along the rim are the edge itself, bent by the camera.",
+    )
+    rim_m: float = Field(default=0.06, ge=0.0, description="Width of that rim.")
+    join_m: float = Field(
+        default=0.012, gt=0.0, description="Step in depth between neighbours of one object."
+    )
+    join_sigma: float = Field(default=4.0, ge=0.0, description="Noise that adds to it.")
+    join_gap_px: int = Field(
+        default=3, ge=1, description="Pixels without depth or on the top that a join may cross."
+    )
+    rejoin_m: float = Field(
+        default=0.02, ge=0.0, description="Fragments nearer to a larger part belong to it."
+    )
+    rejoin_share: float = Field(
+        default=0.25, ge=0.0, le=1.0, description="Fragments have at most so large a share of it."
+    )
+    points_min: int = Field(
+        default=60, ge=1, description="Smaller clusters are noise; a fork has 400 at 1.2 m."
+    )
+    edge_margin_px: int = Field(default=4, ge=0, description="As near to the border is cut off.")
+    off_top_share: float = Field(
+        default=0.5, gt=0.0, le=1.0, description="With more points beside the top it is no object."
+    )
+    hang_share: float = Field(
+        default=0.10,
+        gt=0.0,
+        le=1.0,
+        description="With so many points below the top, joined to it, it stands on the floor.",
+    )
+    neck_ratio: float = Field(
+        default=0.6,
+        gt=0.0,
+        lt=1.0,
+        description="Touching objects are cut where the silhouette is narrower by this.",
+    )
+    part_min_m: float = Field(
+        default=0.03, gt=0.0, description="Width of a part that may be cut off; a handle has less."
+    )
+
+
+class TrackingConfig(_Settings):
+    """Track identifiers from frame to frame."""
+
+    reach_m: float = Field(
+        default=0.07, gt=0.0, description="Between frames; poses drift by 2-4 cm (7-Scenes)."
+    )
+    reach_per_s: float = Field(
+        default=0.1, ge=0.0, description="Adds per second between the frames."
+    )
+    size_ratio_max: float = Field(
+        default=3.0, gt=1.0, description="Longest edges of one object differ by less."
+    )
+    patience_s: float = Field(
+        default=0.7, ge=0.0, description="A track survives so long without being seen."
+    )
+
+
+class FilterConfig(_Settings):
+    """Pose and size of an anchor over its observations."""
+
+    across_sigma_m: float = Field(
+        default=0.010, gt=0.0, description="Of a box's centre across the line of sight."
+    )
+    along_sigma_m: float = Field(
+        default=0.025, gt=0.0, description="Along it: the far side is hidden."
+    )
+    hidden_factor: float = Field(
+        default=4.0, ge=1.0, description="On sigma where a part is cut off or occluded."
+    )
+    pose_sigma_m: float = Field(
+        default=0.015, ge=0.0, description="Of the camera's place; does not average out."
+    )
+    drift_m_per_sqrt_s: float = Field(
+        default=0.005, ge=0.0, description="Objects are nudged now and then."
+    )
+    moved_sigma: float = Field(
+        default=4.0, gt=0.0, description="A tracked object this far off has been moved: start anew."
+    )
+    confidence_decay: float = Field(
+        default=0.9, ge=0.0, lt=1.0, description="Weight of earlier recognitions; 0 keeps the last."
+    )
+
+
+class AssociationConfig(_Settings):
+    """Which new object is which untracked anchor."""
+
+    method: Literal["gnn", "nn", "thesis", "murty"] = Field(
+        default="gnn",
+        description="One assignment with discover columns; nearest neighbour; Algorithm 4.1 as "
+        "printed; or the k best assignments, carried on as hypotheses.",
+    )
+    gate_m: float = Field(
+        default=0.40,
+        gt=0.0,
+        description="Anchors further away are not candidates; the thesis saw errors up to 0.3 m.",
+    )
+    hypotheses: int = Field(default=20, ge=1, description="For murty: assignments considered.")
+    keep_share: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=1.0,
+        description="For murty: a pair needs this share of the weight of all hypotheses.",
+    )
+    model: str | None = Field(
+        default=None, description="File of a trained mismatch; the built-in one by default."
+    )
+
+
+class RemovalConfig(_Settings):
+    """Is this box visible and empty (Algorithm 4.2 with corrections)?"""
+
+    shrink_m: float = Field(
+        default=0.010,
+        ge=0.0,
+        description="Taken off every side, and twice at the bottom: the top is no object.",
+    )
+    points_max: int = Field(
+        default=15, ge=1, description="Fewer points in or before the box: nothing is there (n)."
+    )
+    points_max_share: float = Field(
+        default=0.15, ge=0.0, le=1.0, description="And at most this share of the box's pixels."
+    )
+    behind_min_share: float = Field(
+        default=0.6,
+        gt=0.0,
+        le=1.0,
+        description="Share of the pixels that must be seen behind the box: missing depth is none.",
+    )
+    behind_m: float = Field(
+        default=0.015, ge=0.0, description="As much behind its far side counts as behind."
+    )
+    range_min_m: float = Field(default=0.4, ge=0.0, description="Nearest depth of a Kinect.")
+    range_max_m: float = Field(default=4.0, gt=0.0, description="Farthest useful depth.")
+    confirm_frames: int = Field(
+        default=3, ge=1, description="Looks that find the place empty before an anchor goes."
+    )
+
+
+class WorldConfig(_Settings):
+    """Anchors over time."""
+
+    filter: FilterConfig = FilterConfig()
+    association: AssociationConfig = AssociationConfig()
+    removal: RemovalConfig = RemovalConfig()
+    confirm_frames: int = Field(
+        default=3,
+        ge=1,
+        description="A track is anchored when so many frames have shown it; the thesis anchors at "
+        "once.",
+    )
+    overlap_same: float = Field(
+        default=0.35,
+        gt=0.0,
+        le=1.0,
+        description="A new object whose footprint overlaps an anchor's so much is that object.",
+    )
+
+
+class UpdateConfig(_Settings):
+    """When the board is told (Section 4.2.4 asks for a threshold and a time-out)."""
+
+    position_m: float = Field(
+        default=0.03, gt=0.0, description="Poses of a hand-held Kinect agree to 2-4 cm."
+    )
+    angle_deg: float = Field(default=15.0, gt=0.0, description="Turn of an oblong object.")
+    size_m: float = Field(default=0.03, gt=0.0, description="An edge grew as more was seen.")
+    rest_s: float = Field(
+        default=1.0, ge=0.0, description="Pose updates are not more frequent than this."
+    )
+    timeout_s: float = Field(
+        default=30.0,
+        gt=0.0,
+        description="After so long smaller changes are written too.",
+    )
+    timeout_share: float = Field(
+        default=0.2, ge=0.0, le=1.0, description="Share of the thresholds that counts then."
+    )
+    evidence_s: float = Field(
+        default=10.0, ge=0.0, description="Class evidence is renewed no more often than this."
+    )
+
+
+class RecognitionConfig(_Settings):
+    """What rates the classes of single clusters and of whole scenes."""
+
+    recogniser: str = Field(
+        default="geometric",
+        description="`geometric`, or the file of a trained recogniser.",
+    )
+    context: str | None = Field(default=None, description="File of a trained context model.")
+
+
+class AnchoringConfig(_Settings):
+    """Everything the anchoring module can be told."""
+
+    supports: SupportConfig = SupportConfig()
+    segmentation: SegmentationConfig = SegmentationConfig()
+    tracking: TrackingConfig = TrackingConfig()
+    world: WorldConfig = WorldConfig()
+    update: UpdateConfig = UpdateConfig()
+    recognition: RecognitionConfig = RecognitionConfig()

@@ -1,0 +1,101 @@
+"""Objects that touch, told apart by the waist of their common silhouette."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fluentboard_modules.anchoring.config import SegmentationConfig
+from fluentboard_modules.anchoring.organised import OrganisedPoints
+from fluentboard_modules.anchoring.pixel_parts import windows
+from fluentboard_modules.anchoring.supports import Top
+
+_STANDS_M = 0.03  # a part whose lowest points are higher stands on the other part
+_CORE_SHARE = 0.75
+
+
+def split_touching(
+    parts: NDArray[np.int32],
+    count: int,
+    points: OrganisedPoints,
+    top: Top,
+    config: SegmentationConfig,
+) -> tuple[NDArray[np.int32], int]:
+    """The labels with touching objects told apart, and the highest label.
+
+    A part is cut when its silhouette consists of two bodies joined by a waist narrower than
+    `neck_ratio` of the lesser body, and both bodies stand on the top. A handle is too thin for a
+    body, and the neck of a bottle carries nothing that stands on the top.
+
+    Args:
+        parts: `(h, w)` int32; numbers from 1, 0 for nothing.
+        count: the highest number.
+        points: of the frame.
+        top: what the parts stand on.
+        config: how narrow a waist is.
+    """
+    result = parts.copy()
+    for number, found in enumerate(windows(parts, count).tolist()):
+        size, first, last, left, right = found
+        if size < 4 * config.points_min:
+            continue
+        window = (slice(first, last + 1), slice(left, right + 1))
+        inside = parts[window] == number
+        distance_m = float(np.median(points.depth_m[window][inside]))
+        bodies = _bodies(inside, config, distance_m / points.focal_px)
+        if bodies is None:
+            continue
+        lowest: list[float] = []
+        for body in range(1, int(bodies.max()) + 1):
+            cloud = points.points_map[window][bodies == body].astype(np.float64)
+            lowest.append(float(np.percentile(cloud[:, 2] - top.height_at(cloud), 3)))
+        if max(lowest) > _STANDS_M:
+            continue
+        for body in range(2, int(bodies.max()) + 1):
+            count += 1
+            result[window][bodies == body] = count
+    return result, count
+
+
+def _bodies(
+    inside: NDArray[np.bool_], config: SegmentationConfig, per_px: float
+) -> NDArray[np.int32] | None:
+    """The bodies of a silhouette as labels from 1; None if there is only one."""
+    padded = np.pad(inside.astype(np.uint8), 1)
+    # Holes without depth are no waist.
+    padded = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    width_px = np.asarray(cv2.distanceTransform(padded, cv2.DIST_L2, 5))
+    least_px = 0.5 * config.part_min_m / per_px
+    deepest = float(width_px.max())
+    if deepest < least_px:
+        return None
+    for share in (0.3, 0.45, 0.6, _CORE_SHARE):
+        level = max(least_px * share, share * deepest)
+        count, cores = cv2.connectedComponents((width_px > level).astype(np.uint8))
+        bodies = [
+            core
+            for core in range(1, count)
+            if float(width_px[cores == core].max()) >= least_px
+            and level <= config.neck_ratio * float(width_px[cores == core].max())
+        ]
+        if len(bodies) >= 2:
+            return _grown(inside, cores[1:-1, 1:-1], bodies)
+    return None
+
+
+def _grown(
+    inside: NDArray[np.bool_], cores: NDArray[np.int32], bodies: list[int]
+) -> NDArray[np.int32]:
+    """Every pixel with its nearest core."""
+    seeds = np.isin(cores, bodies)
+    _, nearest = cv2.distanceTransformWithLabels(
+        (~seeds).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    lookup = np.zeros(int(nearest.max()) + 1, dtype=np.int32)
+    order = {core: position + 1 for position, core in enumerate(bodies)}
+    renumbered = np.zeros(int(cores.max()) + 1, dtype=np.int32)
+    for core, position in order.items():
+        renumbered[core] = position
+    lookup[nearest[seeds]] = renumbered[cores[seeds]]
+    return np.where(inside, lookup[nearest], 0).astype(np.int32)
