@@ -83,15 +83,18 @@ class SegmentationConfig(_Settings):
     )
     height_max_m: float = Field(default=0.5, gt=0.0, description="Larger things are no tableware.")
     width_max_m: float = Field(default=0.6, gt=0.0, description="Largest horizontal extent.")
+    flat_m: float = Field(
+        default=0.03, ge=0.0, description="Lower clusters may be dents of the top: see below."
+    )
     height_min_m: float = Field(
-        default=0.010, gt=0.0, description="Flatter clusters are dents of the top; plus noise."
+        default=0.007,
+        gt=0.0,
+        description="A flat cluster rises as much above the top around it, plus noise.",
     )
-    rim_rise_m: float = Field(
-        default=0.03,
-        ge=0.0,
-        description="Flatter clusters along the rim are the edge itself, bent by the camera.",
+    height_min_sigma: float = Field(default=2.0, ge=0.0, description="Noise that adds to it.")
+    rim_m: float = Field(
+        default=0.03, ge=0.0, description="Flat clusters within so narrow a rim are the edge."
     )
-    rim_m: float = Field(default=0.06, ge=0.0, description="Width of that rim.")
     join_m: float = Field(
         default=0.012, gt=0.0, description="Step in depth between neighbours of one object."
     )
@@ -238,6 +241,12 @@ class WorldConfig(_Settings):
         ge=1,
         description="A track is anchored when so many frames have shown it; the thesis anchors at "
         "once.",
+    )
+    cut_off_weight: float = Field(
+        default=0.34,
+        gt=0.0,
+        le=1.0,
+        description="Of a frame whose border cuts the object off: corners hold most artefacts.",
     )
     overlap_same: float = Field(
         default=0.35,

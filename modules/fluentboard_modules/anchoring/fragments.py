@@ -38,7 +38,7 @@ class PartMask:
     @property
     def pixels(self) -> NDArray[np.int64]:
         """`(n, 2)`; rows and columns in the whole image."""
-        return np.argwhere(self.inside) + (self.rows.start, self.columns.start)
+        return np.argwhere(self.inside) + np.array([self.rows.start, self.columns.start])
 
     def ring(self, reach_px: int) -> NDArray[np.bool_]:
         """The pixels of the window that surround the part."""

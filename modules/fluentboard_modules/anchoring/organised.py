@@ -56,7 +56,7 @@ def organise(frame: SensorFrame, noise: DepthNoiseConfig, range_max_m: float) ->
 
 
 @njit(cache=True)
-def _organise(depth, camera, transform, noise):  # noqa: ANN001, ANN202 - compiled
+def _organise(depth, camera, transform, noise):
     height, width = depth.shape
     points = np.full((height, width, 3), np.nan, dtype=np.float32)
     kept = np.zeros((height, width), dtype=np.float32)
@@ -80,7 +80,7 @@ def _organise(depth, camera, transform, noise):  # noqa: ANN001, ANN202 - compil
 
 
 @njit(cache=True)
-def patches(points, depth, step):  # noqa: ANN001, ANN201 - compiled
+def patches(points, depth, step):
     """Mean points `(h // step, w // step, 3)` of square patches; NaN across edges of depth.
 
     Args:

@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def rises(points, sigma, near, corner, cell, top, config):  # noqa: ANN001, ANN201 - compiled
+def rises(points, sigma, near, corner, cell, top, config):
     """Per pixel 0 for nothing, 1 on the top, 2 above it, 3 for anything else.
 
     Args:
@@ -63,7 +63,7 @@ def rises(points, sigma, near, corner, cell, top, config):  # noqa: ANN001, ANN2
 
 
 @njit(cache=True)
-def _root(parent, index):  # noqa: ANN001, ANN202 - compiled
+def _root(parent, index):
     while parent[index] != index:
         parent[index] = parent[parent[index]]
         index = parent[index]
@@ -71,7 +71,7 @@ def _root(parent, index):  # noqa: ANN001, ANN202 - compiled
 
 
 @njit(cache=True)
-def join_pixels(kind, points, depth, step, gap):  # noqa: ANN001, ANN201 - compiled
+def join_pixels(kind, points, depth, step, gap):
     """Connected parts of the pixels of kind 2: labels `(h, w)` int32 from 1, and their number.
 
     Args:
@@ -125,7 +125,7 @@ def join_pixels(kind, points, depth, step, gap):  # noqa: ANN001, ANN201 - compi
 
 
 @njit(cache=True)
-def windows(labels, count):  # noqa: ANN001, ANN201 - compiled
+def windows(labels, count):
     """`(count + 1, 5)` int64; per label its pixels, first and last row, first and last column.
 
     Args:

@@ -118,10 +118,13 @@ def _cluster(
         return None
     rise = cloud[:, 2] - top.height_at(cloud)
     sigma = float(points.height_sigma_m[rows, columns].mean())
-    if np.percentile(rise, 95) < config.height_min_m + 2.0 * sigma:
-        return None
-    if np.percentile(rise, 95) < config.rim_rise_m and top.raster.borders(cloud, config.rim_m):
-        return None
+    tall = float(np.percentile(rise, 95))
+    if tall < config.flat_m:
+        tall -= _surroundings(mask, points, kind, top)
+        if tall < config.height_min_m + config.height_min_sigma * sigma:
+            return None
+        if top.raster.borders(cloud, config.rim_m):
+            return None
     if rise.min() > 0.10:  # floats: a part of something that stands elsewhere
         return None
     if _hangs(mask, points, kind) > config.hang_share:
@@ -174,6 +177,16 @@ def _colours(frame: SensorFrame, pixels: NDArray[np.int64]) -> NDArray[np.uint8]
     u, v = places[seen].astype(np.int64).T
     colours[seen] = frame.colour[v, u]
     return colours
+
+
+def _surroundings(
+    mask: PartMask, points: OrganisedPoints, kind: NDArray[np.uint8], top: Top
+) -> float:
+    """How high the top around a part lies above where it should be: cameras bend far corners."""
+    window = (mask.rows, mask.columns)
+    ring = mask.ring(4) & ~mask.ring(1) & (kind[window] == _TOP)
+    around = points.points_map[window][ring].astype(np.float64)
+    return float(np.median(around[:, 2] - top.height_at(around))) if len(around) else 0.0
 
 
 def _hangs(mask: PartMask, points: OrganisedPoints, kind: NDArray[np.uint8]) -> float:
