@@ -27,8 +27,9 @@ def costs(draw: st.DrawFn) -> FloatArray:
 def all_totals(cost: FloatArray) -> list[float]:
     """Totals of all assignments of each row to a column of its own, cheapest first."""
     wide = discovery_matrix(cost)
+    rows = np.arange(wide.shape[0])
     totals = [
-        float(sum(wide[i, j] for i, j in enumerate(columns)))
+        float(wide[rows, list(columns)].sum()) if columns else 0.0
         for columns in itertools.permutations(range(wide.shape[1]), wide.shape[0])
     ]
     return sorted(total for total in totals if np.isfinite(total))
