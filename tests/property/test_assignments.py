@@ -27,10 +27,10 @@ def costs(draw: st.DrawFn) -> FloatArray:
 def all_totals(cost: FloatArray) -> list[float]:
     """Totals of all assignments of each row to a column of its own, cheapest first."""
     wide = discovery_matrix(cost)
-    rows = np.arange(wide.shape[0])
+    columns = range(int(wide.shape[1]))
     totals = [
-        float(wide[rows, list(columns)].sum()) if columns else 0.0
-        for columns in itertools.permutations(range(wide.shape[1]), wide.shape[0])
+        sum((float(wide[i, j]) for i, j in enumerate(chosen)), 0.0)
+        for chosen in itertools.permutations(columns, int(wide.shape[0]))
     ]
     return sorted(total for total in totals if np.isfinite(total))
 
