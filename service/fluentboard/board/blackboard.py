@@ -15,6 +15,7 @@ from typing import Literal
 import pyoxigraph as ox
 
 from fluentboard.board.class_closure import use_class_closure
+from fluentboard.board.coming import next_changes
 from fluentboard.board.commands import (
     AssertFluent,
     Command,
@@ -338,6 +339,18 @@ class Blackboard:
         A commit may bring it forward or put it off.
         """
         return self._views.next_change_s(certainty)
+
+    def coming(self, certainty: Certainty, at_s: float, as_of: int) -> Iterator[tuple[float, str]]:
+        """When the clock alone changes what holds after a time, in seconds, and the fluent's name.
+
+        Args:
+            certainty: with which a fluent must hold.
+            at_s: the time, in seconds.
+            as_of: what was believed after this commit.
+        """
+        index = self._projections.index
+        for time_s, row in next_changes(index.outline(as_of), certainty, at_s):
+            yield time_s, index.name(row)
 
     def listen(self, callback: Listener) -> Callable[[], None]:
         """Has every group of commits passed on as soon as it is applied.

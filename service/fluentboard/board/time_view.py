@@ -7,21 +7,18 @@ that hold.
 
 from __future__ import annotations
 
-import heapq
-import math
 import threading
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
-import numpy as np
 import pyoxigraph as ox
 
 from fluentboard.board.background import Background
 from fluentboard.board.believed import Believed
+from fluentboard.board.coming import Coming, next_change_s, next_changes
 from fluentboard.board.intervals import Outline
 from fluentboard.board.projections import Projections
 from fluentboard.board.store import EmbeddedStore, QueryResults
@@ -47,45 +44,6 @@ class Perspective:
     at: float | Literal["now"] | None = None
     as_of: int | None = None
     certainty: Certainty = Certainty.POSSIBLE
-
-
-class _Coming:
-    """The times at which fluents begin or cease to hold, one per fluent, the earliest first."""
-
-    def __init__(self) -> None:
-        self._heap: list[tuple[float, int]] = []
-        self._time_of: dict[int, float] = {}
-
-    def put_many(self, times_s: Sequence[float], rows: Sequence[int]) -> None:
-        self._time_of.update(zip(rows, times_s, strict=True))
-        self._heap = [(time_s, row) for row, time_s in self._time_of.items()]
-        heapq.heapify(self._heap)
-
-    def put(self, row: int, time_s: float | None) -> None:
-        """Replaces the time of a row; None if nothing comes any more."""
-        if time_s is None:
-            self._time_of.pop(row, None)
-        elif self._time_of.get(row) != time_s:
-            self._time_of[row] = time_s
-            heapq.heappush(self._heap, (time_s, row))
-            if len(self._heap) > 2 * len(self._time_of) + 1_000:
-                self.put_many((), ())
-
-    def next_s(self) -> float:
-        """The earliest of the times; infinite if there is none."""
-        heap = self._heap
-        while heap and self._time_of.get(heap[0][1]) != heap[0][0]:
-            heapq.heappop(heap)
-        return heap[0][0] if heap else math.inf
-
-    def pop(self, up_to_s: float) -> list[int]:
-        """Takes out the rows whose time has come."""
-        found: list[int] = []
-        while self.next_s() <= up_to_s:
-            _, row = heapq.heappop(self._heap)
-            del self._time_of[row]
-            found.append(row)
-        return found
 
 
 class TimeView:
@@ -115,7 +73,7 @@ class TimeView:
         self._projections = projections
         self._believed = believed
         self._background = Background()
-        self._coming = _Coming()
+        self._coming: Coming[int] = Coming()
         self._outline: Outline | None = None
         self._folder: TemporaryDirectory[str] | None = None
         self._store: EmbeddedStore | None = None
@@ -212,10 +170,8 @@ class TimeView:
             begin, end = holding_periods(outline.bounds, self.perspective.certainty)
             rows = rows[(begin <= self.at_s) & (self.at_s < end)]
             if self.perspective.at == "now":
-                next_s = np.where(begin > self.at_s, begin, end)
-                comes = (begin < end) & (next_s > self.at_s) & (next_s < math.inf)
-                self._coming = _Coming()
-                self._coming.put_many(next_s[comes].tolist(), outline.rows[comes].tolist())
+                changes = next_changes(outline, self.perspective.certainty, self.at_s)
+                self._coming = Coming(changes)
         self._outline = outline if self.perspective.as_of is not None else None
         self.size = int(rows.size)
         if self.size > _IN_MEMORY_MAX:
@@ -264,7 +220,5 @@ class TimeView:
             return True
         begin, end = holding_period(bounds, self.perspective.certainty)
         if self.perspective.at == "now":
-            next_s = begin if self.at_s < begin else end
-            comes = begin < end and self.at_s < next_s < math.inf
-            self._coming.put(row, next_s if comes else None)
+            self._coming.put(row, next_change_s(bounds, self.perspective.certainty, self.at_s))
         return begin <= self.at_s < end

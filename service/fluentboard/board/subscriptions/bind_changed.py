@@ -7,8 +7,11 @@ no snapshot of the board is needed: the difference is exact for each commit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
+
+import pyoxigraph as ox
 
 from fluentboard.board.subscriptions.changes import EventChange
 from fluentboard.board.subscriptions.footprint import Shape
@@ -19,6 +22,7 @@ from fluentboard.board.subscriptions.results import Bag, Difference, difference
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.view import View, view_of
 from fluentboard.board.triples import fluent_name
+from fluentboard.model.fluent import Fluent
 
 
 @dataclass(slots=True)
@@ -47,15 +51,16 @@ class BoundEvaluation:
 
     def difference(self, change: EventChange) -> Difference:
         """How the event changes the support of the result."""
-        event = change.event
-        after = self.schema.evaluate(self.text, change.after_quads, event.after)
-        if event.before is not None:
-            before = self.schema.evaluate(self.text, change.before_quads, event.before)
-        else:
-            if self._empty is None:
-                self._empty = self.schema.evaluate(self.text, (), None)
-            before = self._empty
+        after = self._solutions(change.after_quads, change.event.after)
+        before = self._solutions(change.before_quads, change.event.before)
         return difference(self.view.support(before), self.view.support(after))
+
+    def _solutions(self, quads: Sequence[ox.Quad], fluent: Fluent | None) -> Bag:
+        if quads:
+            return self.schema.evaluate(self.text, quads, fluent)
+        if self._empty is None:
+            self._empty = self.schema.evaluate(self.text, (), None)
+        return self._empty
 
 
 def bound_evaluation(query: ParsedQuery, select: Select, schema: Schema) -> BoundEvaluation:

@@ -11,12 +11,34 @@ import pyoxigraph as ox
 from fluentboard.board.events import Commit, FluentEvent
 from fluentboard.board.triples import event_lines, fluent_lines
 from fluentboard.board.vocabulary import Statement, Vocabulary
+from fluentboard.model.fluent import Fluent
 
 
 def statement_of(line: str) -> Statement:
     """The statement of an N-Triples line, in the spacing that the board writes."""
     subject, predicate, rest = line.split(" ", 2)
     return subject, predicate, rest.rstrip()[:-2]
+
+
+@dataclass(frozen=True, slots=True)
+class FluentBegan:
+    """A fluent began to hold, by the clock alone."""
+
+    after: Fluent
+
+    kind = "began"
+
+
+@dataclass(frozen=True, slots=True)
+class FluentCeased:
+    """A fluent ceased to hold, by the clock alone."""
+
+    after: Fluent
+
+    kind = "ceased"
+
+
+ToldEvent = FluentEvent | FluentBegan | FluentCeased
 
 
 @dataclass(frozen=True)
@@ -30,6 +52,11 @@ class EventChange:
 
     event: FluentEvent
     vocabulary: Vocabulary
+
+    @property
+    def told(self) -> ToldEvent:
+        """The event that a subscriber is told of."""
+        return self.event
 
     @cached_property
     def _moves(self) -> tuple[list[Statement], list[Statement]]:
@@ -49,7 +76,7 @@ class EventChange:
     @property
     def statements(self) -> list[Statement]:
         """The statements that came or went."""
-        added, removed = self._moves
+        added, removed = self.added, self.removed
         return added + removed if removed else added
 
     @cached_property
@@ -98,6 +125,21 @@ class CommitChange:
     def number(self) -> int:
         """The commit's number."""
         return self.commit.number
+
+    @property
+    def before(self) -> int:
+        """The last commit before it."""
+        return self.commit.number - 1
+
+    @property
+    def since_s(self) -> float | None:
+        """For queries at now: the time that was shown before it; else None."""
+        return None
+
+    @property
+    def at_s(self) -> float | None:
+        """For queries at now: the time that is shown after it; else None."""
+        return None
 
     @cached_property
     def events(self) -> tuple[EventChange, ...]:

@@ -3,6 +3,9 @@
 The results of queries are exact at commits. A full evaluation sees the newest commit, so before it
 counts, all commits up to that one are routed: those that touched the footprint are covered by it,
 and the difference to the result before is the delta over them.
+
+Queries at now see the fluents that hold, so the clock changes them, too. They are exact at a commit
+and a time. The time goes on between commits, see time_keeper.py.
 """
 
 from __future__ import annotations
@@ -12,19 +15,22 @@ from collections.abc import Callable, Iterable
 
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
+from fluentboard.board.subscriptions.held import HeldCommit, TimePassed, time_passed
 from fluentboard.board.subscriptions.messages import Change, Failed, Gap, Resumed
 from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, evaluate
 from fluentboard.board.subscriptions.replay import replayed
 from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
-from fluentboard.board.subscriptions.router import Router
+from fluentboard.board.subscriptions.router import Concerned, Router
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.semi_naive import SemiNaive, moves_of
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
-from fluentboard.board.subscriptions.standing import Names, Plan, StandingQuery, net
-from fluentboard.board.subscriptions.subscription import Subscription
+from fluentboard.board.subscriptions.standing import Evaluated, Names, Plan, StandingQuery, net
+from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
+from fluentboard.board.subscriptions.time_keeper import TimeKeeper
 from fluentboard.errors import FluentboardError
+from fluentboard.model.interval import Certainty
 from fluentboard_ontology import FLUENT
 
 logger = logging.getLogger(__name__)
@@ -57,7 +63,8 @@ class Evaluator:
         self._board = board
         self._settings = settings
         self._arrive = arrive
-        self._router = Router()
+        self._routers: dict[Certainty | None, Router] = {None: Router()}
+        self._time = TimeKeeper(board)
         self._stale: dict[StandingQuery, None] = {}
         self._schema = Schema(board.vocabulary)
         self.routed = 0
@@ -69,7 +76,12 @@ class Evaluator:
             self._note_outside(change)
 
     def __len__(self) -> int:
-        return len(self._router)
+        return sum(map(len, self._routers.values()))
+
+    @property
+    def next_change_s(self) -> float:
+        """When the clock alone changes what a query sees next, in seconds; infinite if never."""
+        return self._time.next_s()
 
     @property
     def has_work(self) -> bool:
@@ -87,22 +99,50 @@ class Evaluator:
         if any(change.may_declare for change in commit.statements):
             self._schema = Schema(self._board.vocabulary)
         change = CommitChange(commit, self._schema.vocabulary)
-        concerned = self._router.concerned(change, self._spoken_of)
+        spread = [(self._routers[None], change)]
+        for at in self._time:
+            held = HeldCommit(commit, change.vocabulary, change, at, self._time.at_s)
+            spread.append((self._routers[at], held))
+        concerned = [router.concerned(seen, self._spoken_of) for router, seen in spread]
         for outside in commit.statements:
             self._note_outside(outside)
+        for (router, seen), found in zip(spread, concerned, strict=True):
+            self._spread(router, seen, found)
+        self._time.note(commit)
+        self.routed = max(self.routed, commit.number)
+        if commit.statements:
+            self._ontology_routed = self.routed
+
+    def pass_time(self) -> None:
+        """Follows the board's clock: what began or ceased to hold changes the queries at now."""
+        if len(self._time):
+            self._pass_to(self._board.clock.now_s())
+
+    def _pass_to(self, now_s: float) -> None:
+        if self._time.went_back(now_s, self.routed):
+            vocabulary = self._schema.vocabulary
+            for at in self._time:
+                for standing in self._routers[at]:
+                    standing.forget_past(self.routed, now_s)
+                    back = time_passed([], self.routed, vocabulary, now_s, now_s)
+                    standing.pending.append(back)
+                    self._stale[standing] = None
+            return
+        for at, passed in self._time.pass_to(now_s, self.routed, self._schema.vocabulary):
+            router = self._routers[at]
+            self._spread(router, passed, router.concerned(passed, self._spoken_of))
+
+    def _spread(self, router: Router, change: CommitChange, concerned: Concerned) -> None:
         for standing in concerned.touched:
             self._stale[standing] = None
         # While a query is stale it gathers all that its next evaluation covers.
         told = {**concerned.touched, **concerned.candidates, **concerned.told}
-        told.update((s, None) for s in self._stale if s.tells_events)
+        told.update((s, None) for s in self._stale if s.tells_events and s.at == router.at)
         for standing in told:
             if standing in self._stale:
                 standing.pending.append(change)
             else:
                 self._step(standing, change, concerned.candidates.get(standing, []))
-        self.routed = max(self.routed, commit.number)
-        if commit.statements:
-            self._ontology_routed = self.routed
 
     def _note_outside(self, change: StatementsChanged) -> None:
         """Notes fluents that an ontology or a graph update says something of, too.
@@ -126,10 +166,12 @@ class Evaluator:
         """Serves a new subscriber: the snapshot, or what it missed since it left."""
         request = subscription.request
         since = request.since
-        standing = self._router.find(query.text)
+        if request.at is not None:
+            self._time.follow(request.at, self.routed)
+        standing = self._find(request)
         if standing is None:
-            chosen = self._plan(query)
-            standing = StandingQuery(query, chosen, self._schema, self._settings)
+            chosen = self._plan(query, request.at)
+            standing = StandingQuery(query, chosen, self._schema, self._settings, request.at)
             if not self._start(standing, subscription):
                 return
         if since is not None and since > standing.exact_at(self.routed):
@@ -138,30 +180,30 @@ class Evaluator:
                 self._reevaluate(standing)
         if request.mode != "bindings" and not standing.tells_events:
             names = standing.tell_events(standing.exact_at(self.routed))
-            self._router.update_names(standing, Names(names, set()))
+            self._routers[standing.at].update_names(standing, Names(names, set()))
         self._idle.pop(standing, None)
         standing.subscribers[subscription] = None
         if since is None:
             self._snapshot(standing, subscription)
             return
-        missed = self._missed(standing, since, events=request.mode != "bindings")
+        missed = self._missed(standing, since, request.since_s, events=request.mode != "bindings")
         if missed is None:
             subscription.put(Gap(since, standing.exact_at(self.routed)))
             self._snapshot(standing, subscription)
             return
-        subscription.put(Resumed(since))
+        subscription.put(Resumed(since, request.since_s))
         for change in missed:
             subscription.put_change(change)
 
     def refresh(self, subscription: Subscription) -> None:
         """Sends a snapshot to a subscriber that lagged."""
-        standing = self._router.find(subscription.request.query)
+        standing = self._find(subscription.request)
         if standing is not None and subscription in standing.subscribers:
             self._snapshot(standing, subscription)
 
     def close(self, subscription: Subscription, now_s: float) -> None:
         """Lets a subscriber go; the query stays for a while, should it come back."""
-        standing = self._router.find(subscription.request.query)
+        standing = self._find(subscription.request)
         if standing is not None and subscription in standing.subscribers:
             del standing.subscribers[subscription]
             if not standing.subscribers:
@@ -180,38 +222,44 @@ class Evaluator:
             self._forget(standing)
         return None
 
+    def _find(self, request: SubscriptionRequest) -> StandingQuery | None:
+        router = self._routers.get(request.at)
+        return None if router is None else router.find(request.query)
+
     def _start(self, standing: StandingQuery, subscription: Subscription) -> bool:
         # Routed to from now on, and stale: no commit after the evaluation can be overlooked.
-        self._router.add(standing)
+        router = self._routers.setdefault(standing.at, Router(standing.at))
+        router.add(standing)
         self._stale[standing] = None
         try:
-            commit, chosen, solutions = self._evaluate(standing)
+            found = self._evaluate(standing)
         except FluentboardError as problem:
             self._forget(standing)
             subscription.put(Failed(problem))
             return False
-        self._router.remove(standing)
-        standing.start(commit, chosen, solutions)
-        self._router.add(standing)
-        self._resume(standing, commit)
+        router.remove(standing)
+        standing.start(found.commit, found.at_s, found.plan, found.solutions)
+        router.add(standing)
+        self._resume(standing, found.commit)
         return True
 
     def _reevaluate(self, standing: StandingQuery) -> None:
         try:
             if isinstance(standing.plan, SemiNaive) and self._advance(standing, standing.plan):
                 return
-            commit, chosen, solutions = self._evaluate(standing)
+            found = self._evaluate(standing)
         except FluentboardError as problem:
             logger.warning("a standing query failed and is given up: %s", problem)
             self._fail(standing, problem)
             return
-        covered = [change for change in standing.pending if change.number <= commit]
+        covered = [change for change in standing.pending if found.covers(change)]
         if covered:
-            self._router.remove(standing)
-            outcome = standing.replace(covered, chosen, solutions)
-            self._router.add(standing)
+            router = self._routers[standing.at]
+            router.remove(standing)
+            outcome = standing.replace(covered, found)
+            router.add(standing)
             self._tell(standing, *outcome)
-        self._resume(standing, commit)
+        self._resume(standing, found.commit)
 
     def _advance(self, standing: StandingQuery, join: SemiNaive) -> bool:
         """Evaluates a join for the changed statements alone; False if that does not do."""
@@ -225,7 +273,7 @@ class Evaluator:
                 return False
             found: Bag = {}
             if question:
-                commit, found = self._ask(standing, question)
+                commit, _, found = self._ask(standing, question)
                 if not self._arrive(commit):
                     return False
                 if any(change.number <= commit for change in standing.pending[len(covered) :]):
@@ -240,12 +288,13 @@ class Evaluator:
             return True
         return False
 
-    def _evaluate(self, standing: StandingQuery) -> tuple[int, Plan, Bag]:
-        """A full evaluation and its commit, with all commits up to that one routed."""
+    def _evaluate(self, standing: StandingQuery) -> Evaluated:
+        """A full evaluation, with all commits and the time up to its own routed."""
         while True:
-            routed, schema = self.routed, self._schema
-            chosen = standing.plan if standing.schema is schema else self._plan(standing.query)
-            commit, solutions = self._ask(standing, chosen.view.text)
+            routed, schema, chosen = self.routed, self._schema, standing.plan
+            if standing.schema is not schema:
+                chosen = self._plan(standing.query, standing.at)
+            commit, at_s, solutions = self._ask(standing, chosen.view.text)
             if not self._arrive(commit):
                 raise FluentboardError(
                     f"the board does not tell of commit {commit} though queries see it; look for "
@@ -255,13 +304,16 @@ class Evaluator:
             # are done when the commit is told of, so then it is asked again.
             if self._ontology_routed <= routed:
                 standing.schema = schema
-                return commit, chosen, solutions
+                if at_s is not None:
+                    self._pass_to(at_s)
+                return Evaluated(commit, at_s, chosen, solutions)
 
-    def _ask(self, standing: StandingQuery, text: str) -> tuple[int, Bag]:
+    def _ask(self, standing: StandingQuery, text: str) -> tuple[int, float | None, Bag]:
         try:
             return evaluate(
                 self._board,
                 text,
+                certainty=standing.at,
                 relabel=standing.query.makes_blank_nodes,
                 limit=self._settings.result_solutions,
             )
@@ -272,12 +324,19 @@ class Evaluator:
             logger.exception("a standing query could not be evaluated: %s", text)
             raise FluentboardError(f"the query could not be evaluated: {problem}") from problem
 
-    def _plan(self, query: ParsedQuery) -> Plan:
-        return plan(query, self._schema, self._settings.first_tier)
+    def _plan(self, query: ParsedQuery, at: Certainty | None) -> Plan:
+        follows_clock = at is not None
+        return plan(query, self._schema, self._settings.first_tier, follows_clock=follows_clock)
 
     def _resume(self, standing: StandingQuery, commit: int) -> None:
-        """Goes on after a full evaluation that is exact at a commit."""
-        later = [change for change in standing.pending if change.number > commit]
+        """Goes on after a full evaluation that is exact at a commit (and at the present time)."""
+        later = [
+            # The evaluation showed the present time, so the commits after it change what that
+            # shows, and no time has passed.
+            change.at(self._time.at_s) if isinstance(change, HeldCommit) else change
+            for change in standing.pending
+            if change.number > commit and not isinstance(change, TimePassed)
+        ]
         standing.pending = []
         self._stale.pop(standing, None)
         for number, change in enumerate(later):
@@ -285,7 +344,7 @@ class Evaluator:
                 standing.pending = later[number:]
                 self._stale[standing] = None
                 return
-            self._step(standing, change, list(change.events))
+            self._step(standing, change, change.events)
 
     def _step(
         self, standing: StandingQuery, change: CommitChange, events: Iterable[EventChange]
@@ -312,20 +371,24 @@ class Evaluator:
         )
 
     def _tell(self, standing: StandingQuery, change: Change | None, names: Names) -> None:
-        self._router.update_names(standing, names)
+        self._routers[standing.at].update_names(standing, names)
         if change is not None:
             for subscription in standing.subscribers:
                 subscription.put_change(change)
 
     def _snapshot(self, standing: StandingQuery, subscription: Subscription) -> None:
-        subscription.put_snapshot(standing.exact_at(self.routed), standing.answer())
+        commit = standing.exact_at(self.routed)
+        subscription.put_snapshot(commit, standing.answer(), standing.exact_at_s(self._time.at_s))
 
-    def _missed(self, standing: StandingQuery, since: int, *, events: bool) -> list[Change] | None:
+    def _missed(
+        self, standing: StandingQuery, since: int, since_s: float | None, *, events: bool
+    ) -> list[Change] | None:
         now = standing.exact_at(self.routed)
-        if since > now:
+        if since > now or (since_s is not None and since_s > self._time.at_s):
+            # The clock may have been set back since.
             return None
-        missed = standing.missed_after(since, events=events)
-        if missed is None and now - since <= self._settings.replay_commits:
+        missed = standing.missed_after(since, since_s, events=events)
+        if missed is None and standing.at is None and now - since <= self._settings.replay_commits:
             return replayed(
                 standing,
                 list(self._board.commits(since, now)),
@@ -342,7 +405,11 @@ class Evaluator:
             subscription.put(Failed(problem))
 
     def _forget(self, standing: StandingQuery) -> None:
-        self._router.remove(standing)
-        self._router.update_names(standing, Names(set(), set(standing.names)))
+        router = self._routers[standing.at]
+        router.remove(standing)
+        router.update_names(standing, Names(set(), set(standing.names)))
         self._stale.pop(standing, None)
         self._idle.pop(standing, None)
+        if standing.at is not None and not len(router):
+            del self._routers[standing.at]
+            self._time.leave(standing.at)

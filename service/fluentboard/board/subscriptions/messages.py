@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-from fluentboard.board.events import FluentEvent
+from fluentboard.board.subscriptions.changes import ToldEvent
 from fluentboard.board.subscriptions.query import Form
 from fluentboard.board.subscriptions.results import Difference, Solution, bindings_to_json
 from fluentboard.errors import FluentboardError
@@ -51,8 +51,11 @@ class Change:
         since: a commit at which the result was still the one before.
         commit: the last commit covered; the result is exact at it.
         difference: solutions that came and went.
-        events: (commit, event) of the fluents concerned, in commit order.
+        events: (commit, event) of the fluents concerned, in commit order; for a query at now also
+            that a fluent began or ceased to hold.
         boolean: the new answer of an ASK query.
+        since_s: of a query at now: a time at which the result was still the one before.
+        at_s: of a query at now: the time that the result is exact at.
     """
 
     form: Form
@@ -60,8 +63,10 @@ class Change:
     since: int
     commit: int
     difference: Difference
-    events: tuple[tuple[int, FluentEvent], ...]
+    events: tuple[tuple[int, ToldEvent], ...]
     boolean: bool | None
+    since_s: float | None = None
+    at_s: float | None = None
 
     def __len__(self) -> int:
         return len(self.difference) + len(self.events)
@@ -97,21 +102,26 @@ class Snapshot:
         sequence: 0 for the first, then one more for every snapshot and delta.
         commit: the commit that the result is exact at.
         answer: the result.
+        at_s: of a query at now: the time that the result is exact at.
     """
 
     sequence: int
     commit: int
     answer: Answer
+    at_s: float | None = None
 
     def to_json(self, subscription: str) -> dict[str, Any]:
         """The message as JSON; `subscription` is the name the client gave."""
-        return {
+        message: dict[str, Any] = {
             "type": "snapshot",
             "id": subscription,
             "sequence": self.sequence,
             "commit": self.commit,
             "result": self.answer.json,
         }
+        if self.at_s is not None:
+            message["at"] = self.at_s
+        return message
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +142,11 @@ class Delta:
         """A commit at which the result was still the one before."""
         return self.change.since
 
+    @property
+    def at_s(self) -> float | None:
+        """Of a query at now: the time that the result is exact at."""
+        return self.change.at_s
+
     def to_json(self, subscription: str) -> dict[str, Any]:
         """The message as JSON; `subscription` is the name the client gave."""
         message: dict[str, Any] = {
@@ -141,6 +156,8 @@ class Delta:
             "commit": self.commit,
             "since": self.since,
         }
+        if self.at_s is not None:
+            message["at"] = self.at_s
         if self.mode != "fluents":
             message["added"] = self.change.added_json
             message["removed"] = self.change.removed_json
@@ -153,13 +170,20 @@ class Delta:
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """The client's `since` is honoured: what follows is exactly what it missed."""
+    """The client's `since` is honoured: what follows is exactly what it missed.
+
+    Attributes:
+        commit: what the client had seen.
+        at_s: of a query at now: the time that the client had seen.
+    """
 
     commit: int
+    at_s: float | None = None
 
     def to_json(self, subscription: str) -> dict[str, Any]:
         """The message as JSON; `subscription` is the name the client gave."""
-        return {"type": "resumed", "id": subscription, "commit": self.commit}
+        message = {"type": "resumed", "id": subscription, "commit": self.commit}
+        return message if self.at_s is None else {**message, "at": self.at_s}
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,17 +6,21 @@ piled up meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Literal, Protocol
 
 from fluentboard.board.events import Commit
 from fluentboard.board.store import QueryResults
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.results import Bag, bag_of
 from fluentboard.board.subscriptions.view import View
+from fluentboard.board.time_views import TimedResults
 from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.clock import Clock
 from fluentboard.errors import InvalidQuery
+from fluentboard.model.fluent import Fluent
+from fluentboard.model.interval import Certainty
 
 
 class Board(Protocol):
@@ -30,6 +34,23 @@ class Board(Protocol):
     @property
     def vocabulary(self) -> Vocabulary:
         """What the loaded ontologies declare; replaced, never changed."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """Where the present comes from."""
+        ...
+
+    def fluent(self, name: str, as_of: int | None = None) -> Fluent:
+        """A fluent as it stands, or as it stood after a commit."""
+        ...
+
+    def coming(self, certainty: Certainty, at_s: float, as_of: int) -> Iterable[tuple[float, str]]:
+        """When fluents begin or cease to hold after a time, as believed after a commit."""
+        ...
+
+    def timed_query(self, sparql: str, *, at: Literal["now"], certainty: Certainty) -> TimedResults:
+        """The results of a query on what holds now, with the commit and the time they show."""
         ...
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
@@ -69,16 +90,31 @@ class Reevaluation:
 
 
 def evaluate(
-    board: Board, text: str, *, relabel: bool = False, limit: int | None = None
-) -> tuple[int, Bag]:
-    """The present answer to a query, and the commit it is exact at.
+    board: Board,
+    text: str,
+    *,
+    certainty: Certainty | None = None,
+    relabel: bool = False,
+    limit: int | None = None,
+) -> tuple[int, float | None, Bag]:
+    """The present answer to a query, with the commit and the time that it is exact at.
+
+    Args:
+        board: what is asked.
+        text: the query.
+        certainty: ask what holds now with that certainty; None asks the whole history.
+        relabel: the query makes blank nodes.
+        limit: how many solutions it may have.
 
     Raises:
         TooLarge: it has more solutions than `limit`.
         InvalidQuery: the store cannot evaluate it, for example for an unknown function.
     """
     try:
-        commit, results = board.snapshot_query(text)
-        return commit, bag_of(results, relabel=relabel, limit=limit)
+        if certainty is None:
+            commit, results = board.snapshot_query(text)
+            return commit, None, bag_of(results, relabel=relabel, limit=limit)
+        timed = board.timed_query(text, at="now", certainty=certainty)
+        return timed.commit, timed.at_s, bag_of(timed.results, relabel=relabel, limit=limit)
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
 
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.evaluator import Evaluator
 from fluentboard.board.subscriptions.messages import Mode
-from fluentboard.board.subscriptions.planner import explanation, plan
+from fluentboard.board.subscriptions.planner import Choice, choose, explanation
 from fluentboard.board.subscriptions.query import ParsedQuery, parse
 from fluentboard.board.subscriptions.reevaluate import Board
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
 from fluentboard.errors import InvalidInput
+from fluentboard.model.interval import Certainty
 
 logger = logging.getLogger(__name__)
 
@@ -66,6 +69,9 @@ class SubscriptionRegistry:
         self._delivered = 0
         self._busy = False
         self._closed = False
+        self._clock_moved = False
+        self._next_change_s = math.inf
+        self._stop_watching = board.clock.listen(self._on_clock)
         self._stop_listening = board.listen(self._on_commits)
         # Commits up to this one may not be told of any more, all later ones will be.
         applied, _ = board.snapshot_query("ASK {}")
@@ -81,6 +87,11 @@ class SubscriptionRegistry:
         mode: Mode = "bindings",
         since: int | None = None,
         on_ready: Callable[[], None] | None = None,
+        *,
+        at: Literal["now"] | None = None,
+        certainty: Certainty = Certainty.POSSIBLE,
+        since_s: float | None = None,
+        sequence: int = 0,
     ) -> Subscription:
         """Registers a query. The snapshot comes as the first message, a moment later.
 
@@ -89,6 +100,10 @@ class SubscriptionRegistry:
             mode: whether deltas carry the changed solutions, the fluents, or both.
             since: resume: the client has seen everything up to this commit.
             on_ready: called (from another thread) when messages wait that did not before.
+            at: "now" sees only the fluents that hold now, and the clock changes the result, too.
+            certainty: with `at`: what may hold, or only what surely does.
+            since_s: with `at` and `since`: the time that the client saw last, in seconds.
+            sequence: number of the first message.
 
         Raises:
             InvalidQuery: the query does not parse, or cannot be subscribed to.
@@ -98,10 +113,13 @@ class SubscriptionRegistry:
             raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
         if since is not None and since < 0:
             raise InvalidInput(f"since is {since}; give a commit number", since=since)
+        if at not in (None, "now"):
+            raise InvalidInput(f"at is {at!r}; a subscription sees `now`, or all times", at=at)
         parsed = parse(query)
+        held = None if at is None else certainty
         subscription = Subscription(
-            SubscriptionRequest(query, mode, since),
-            self._explain(parsed),
+            SubscriptionRequest(query, mode, since, held, since_s, sequence),
+            explanation(parsed, self.choose(parsed, follows_clock=at is not None).plan),
             self._settings,
             on_ready=on_ready,
             on_drained=self._on_drained,
@@ -126,7 +144,16 @@ class SubscriptionRegistry:
         Raises:
             InvalidQuery: the query does not parse, or cannot be subscribed to.
         """
-        return self._explain(parse(query))
+        parsed = parse(query)
+        return explanation(parsed, self.choose(parsed).plan)
+
+    def choose(self, parsed: ParsedQuery, *, follows_clock: bool = False) -> Choice:
+        """How a query would be evaluated, and why not by a cheaper tier."""
+        vocabulary = self._board.vocabulary
+        if self._schema.vocabulary is not vocabulary:
+            self._schema = Schema(vocabulary)
+        first_tier = self._settings.first_tier
+        return choose(parsed, self._schema, first_tier, follows_clock=follows_clock)
 
     def subscriptions(self) -> list[Subscription]:
         """All open subscriptions, oldest first."""
@@ -154,15 +181,10 @@ class SubscriptionRegistry:
             open_ones = list(self._subscriptions)
             self._state.notify_all()
         self._stop_listening()
+        self._stop_watching()
         self._thread.join()
         for subscription in open_ones:
             subscription.close()
-
-    def _explain(self, parsed: ParsedQuery) -> str:
-        vocabulary = self._board.vocabulary
-        if self._schema.vocabulary is not vocabulary:
-            self._schema = Schema(vocabulary)
-        return explanation(parsed, plan(parsed, self._schema, self._settings.first_tier))
 
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called by a thread of the board, which must not wait."""
@@ -172,6 +194,12 @@ class SubscriptionRegistry:
             kept = commits if self._is_listening else [c for c in commits if c.statements]
             if kept:
                 self._groups.append(kept)
+            self._state.notify_all()
+
+    def _on_clock(self) -> None:
+        """Called by whoever sets the clock."""
+        with self._state:
+            self._clock_moved = True
             self._state.notify_all()
 
     def _on_drained(self, subscription: Subscription) -> None:
@@ -186,7 +214,9 @@ class SubscriptionRegistry:
             self._state.notify_all()
 
     def _is_settled(self, commit: int) -> bool:
-        if self._groups or self._tasks or self._busy:
+        if self._groups or self._tasks or self._busy or self._clock_moved:
+            return False
+        if self._board.clock.now_s() >= self._next_change_s:
             return False
         return not self._is_listening or max(self._delivered, self._evaluator.routed) >= commit
 
@@ -197,23 +227,20 @@ class SubscriptionRegistry:
         while True:
             with self._state:
                 self._busy = self._evaluator.has_work
+                self._next_change_s = self._evaluator.next_change_s
                 self._state.notify_all()
-                while not (self._closed or self._groups or self._tasks):
-                    now_s = time.monotonic()
-                    if self._evaluator.has_work:
-                        timeout_s = rest_until_s - now_s
-                    elif due_s is not None:
-                        timeout_s = due_s - now_s
-                    else:
-                        timeout_s = None
+                while not (self._closed or self._groups or self._tasks or self._clock_moved):
+                    timeout_s = self._sleep_s(rest_until_s, due_s)
                     if timeout_s is not None and timeout_s <= 0.0:
                         break
                     self._state.wait(timeout_s)
                 if self._closed:
                     return
                 self._busy = True
+                self._clock_moved = False
                 task = self._tasks.popleft() if self._tasks else None
             try:
+                self._evaluator.pass_time()
                 self._route_arrived()
                 if task is not None:
                     task()
@@ -228,6 +255,23 @@ class SubscriptionRegistry:
                 logger.exception("the subscriptions met an unexpected error")
             if not len(self._evaluator):
                 self._stop_keeping()
+
+    def _sleep_s(self, rest_until_s: float, due_s: float | None) -> float | None:
+        """How long the evaluator's thread has nothing to do; None if until it is woken."""
+        now_s = time.monotonic()
+        times_s: list[float] = []
+        if self._evaluator.has_work:
+            times_s.append(rest_until_s - now_s)
+        elif due_s is not None:
+            times_s.append(due_s - now_s)
+        if self._next_change_s < math.inf:
+            clock = self._board.clock
+            # A commit may have said what should have come already.
+            is_due = clock.now_s() >= self._next_change_s
+            wait_s = 0.0 if is_due else clock.wait_s(self._next_change_s)
+            if wait_s is not None:
+                times_s.append(wait_s)
+        return min(times_s, default=None)
 
     def _stop_keeping(self) -> None:
         """Nobody subscribes: commits need not be kept."""

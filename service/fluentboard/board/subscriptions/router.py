@@ -11,6 +11,7 @@ from fluentboard.board.subscriptions.reevaluate import Reevaluation
 from fluentboard.board.subscriptions.semi_naive import SemiNaive
 from fluentboard.board.subscriptions.standing import Names, StandingQuery
 from fluentboard.board.subscriptions.touch_index import TouchIndex
+from fluentboard.model.interval import Certainty
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +32,14 @@ class Concerned:
 
 
 class Router:
-    """Indexes over all standing queries."""
+    """Indexes over the standing queries that see the same.
 
-    def __init__(self) -> None:
+    Args:
+        at: with which certainty a fluent must hold now to be seen; None for the whole history.
+    """
+
+    def __init__(self, at: Certainty | None = None) -> None:
+        self.at = at
         self._queries: dict[str, StandingQuery] = {}
         self._by_event: TouchIndex[StandingQuery] = TouchIndex()
         self._by_outside: TouchIndex[StandingQuery] = TouchIndex()

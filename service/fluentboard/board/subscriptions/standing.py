@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from fluentboard.board.events import FluentEvent
-from fluentboard.board.subscriptions.changes import CommitChange, EventChange
+from fluentboard.board.subscriptions.changes import CommitChange, EventChange, ToldEvent
 from fluentboard.board.subscriptions.footprint import Shape
 from fluentboard.board.subscriptions.messages import Answer, Change
 from fluentboard.board.subscriptions.query import ParsedQuery
@@ -27,6 +26,7 @@ from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.board.subscriptions.touch_index import matches
 from fluentboard.board.subscriptions.view import View
+from fluentboard.model.interval import Certainty
 
 
 class Incremental(Protocol):
@@ -65,6 +65,30 @@ Plan = Reevaluation | SemiNaive | Incremental
 
 
 @dataclass(frozen=True, slots=True)
+class Evaluated:
+    """A full evaluation of a query.
+
+    Attributes:
+        commit: the commit that it is exact at.
+        at_s: the time that it shows, of a query at now; else None.
+        plan: how the query is evaluated from here on.
+        solutions: of the plan's view.
+    """
+
+    commit: int
+    at_s: float | None
+    plan: Plan
+    solutions: Bag
+
+    def covers(self, change: CommitChange) -> bool:
+        """The evaluation saw what came of a change."""
+        if change.number <= self.commit:
+            return True
+        # What the clock alone changed came before the evaluation, whatever was routed meanwhile.
+        return change.before == change.number
+
+
+@dataclass(frozen=True, slots=True)
 class Names:
     """Fluents that came into a result and that left it."""
 
@@ -77,6 +101,7 @@ class StandingQuery:
 
     Attributes:
         query: the query.
+        at: with which certainty a fluent must hold now to be seen; None sees the whole history.
         plan: how it is evaluated.
         schema: the class hierarchy that the plan was made with.
         bag: the support of the result (see view.py), exact at every commit up to the first of
@@ -86,9 +111,15 @@ class StandingQuery:
     """
 
     def __init__(
-        self, query: ParsedQuery, plan: Plan, schema: Schema, settings: SubscriptionSettings
+        self,
+        query: ParsedQuery,
+        plan: Plan,
+        schema: Schema,
+        settings: SubscriptionSettings,
+        at: Certainty | None = None,
     ) -> None:
         self.query = query
+        self.at = at
         self.plan = plan
         self.schema = schema
         self.bag: Bag = {}
@@ -99,9 +130,15 @@ class StandingQuery:
         self._ring: deque[Change] = deque()
         self._ring_solutions = 0
         self._ring_start = 0
+        self._ring_start_s: float | None = None
         # How many solutions hold each fluent; kept once a subscriber wants events.
         self._names: Counter[str] | None = None
         self._events_start = 0
+
+    @property
+    def key(self) -> tuple[str, Certainty | None]:
+        """What it is known by."""
+        return self.query.text, self.at
 
     @property
     def tells_events(self) -> bool:
@@ -113,11 +150,19 @@ class StandingQuery:
         """Fluents in the result; empty unless `tells_events`."""
         return () if self._names is None else self._names.keys()
 
-    def start(self, commit: int, plan: Plan, solutions: Bag) -> None:
+    def start(self, commit: int, at_s: float | None, plan: Plan, solutions: Bag) -> None:
         """Takes over the first evaluation."""
         self.plan = plan
         self.bag = plan.support_of(solutions)
         self._ring_start = commit
+        self._ring_start_s = at_s
+
+    def forget_past(self, commit: int, at_s: float | None) -> None:
+        """Forgets the past deltas: the clock was set back."""
+        self._ring.clear()
+        self._ring_solutions = 0
+        self._ring_start = commit
+        self._ring_start_s = at_s
 
     def tell_events(self, commit: int) -> set[str]:
         """Has deltas after `commit` carry events; the fluents in the result at present."""
@@ -133,7 +178,17 @@ class StandingQuery:
         Args:
             routed: the last commit that was compared with the footprint.
         """
-        return self.pending[0].number - 1 if self.pending else routed
+        return self.pending[0].before if self.pending else routed
+
+    def exact_at_s(self, at_s: float) -> float | None:
+        """The time at which the result of a query at now is known to be `bag`; else None.
+
+        Args:
+            at_s: the time up to which the clock was followed.
+        """
+        if self.at is None:
+            return None
+        return self.pending[0].since_s if self.pending else at_s
 
     def answer(self) -> Answer:
         """The present result, copied so that it stays as it is."""
@@ -143,14 +198,14 @@ class StandingQuery:
         return self._answer
 
     def replace(
-        self, covered: Sequence[CommitChange], plan: Plan, solutions: Bag
+        self, covered: Sequence[CommitChange], found: Evaluated
     ) -> tuple[Change | None, Names]:
         """Takes over a fresh evaluation, and perhaps a new plan, that covers some commits."""
-        bag = plan.support_of(solutions)
-        change = difference(self.plan.view.result(self.bag), plan.view.result(bag))
-        self.plan = plan
+        bag = found.plan.support_of(found.solutions)
+        change = difference(self.plan.view.result(self.bag), found.plan.view.result(bag))
+        self.plan = found.plan
         self.bag = bag
-        return self._changed(covered, change)
+        return self._changed(covered, change, min(covered[-1].number, found.commit), found.at_s)
 
     def apply(
         self, covered: Sequence[CommitChange], change: Difference
@@ -158,19 +213,47 @@ class StandingQuery:
         """Takes over a difference of the support; None if it does not fit, then nothing changes."""
         if not apply(self.bag, change):
             return None
-        return self._changed(covered, self.plan.view.difference(change, self.bag))
+        return self._changed(
+            covered,
+            self.plan.view.difference(change, self.bag),
+            covered[-1].number,
+            covered[-1].at_s,
+        )
 
-    def missed_after(self, since: int, *, events: bool) -> list[Change] | None:
-        """The deltas after a commit, or None if they are not all known any more."""
+    def missed_after(
+        self, since: int, since_s: float | None = None, *, events: bool
+    ) -> list[Change] | None:
+        """The deltas after a commit, or None if they are not all known any more.
+
+        Args:
+            since: the last commit that was seen.
+            since_s: of a query at now: the last time that was seen.
+            events: the deltas are to carry events.
+        """
         if since < self._ring_start or (events and since < self._events_start):
             return None
-        if any(change.since < since < change.commit for change in self._ring):
-            # Inside a coalesced delta: the state at that commit was never computed.
+        if self._ring_start_s is not None and (since_s is None or since_s < self._ring_start_s):
             return None
-        return [change for change in self._ring if change.commit > since]
+        missed: list[Change] = []
+        for change in self._ring:
+            # Of queries over the whole history a commit tells all; others go on in time, too.
+            time_comes = since_s is not None and change.at_s is not None and change.at_s > since_s
+            if change.commit > since or time_comes:
+                missed.append(change)
+        if missed:
+            first = missed[0]
+            is_later = since_s is not None and first.since_s is not None and first.since_s < since_s
+            if first.since < since or is_later:
+                # Inside a coalesced delta: the state at that moment was never computed.
+                return None
+        return missed
 
     def _changed(
-        self, covered: Sequence[CommitChange], change: Difference
+        self,
+        covered: Sequence[CommitChange],
+        change: Difference,
+        commit: int,
+        at_s: float | None,
     ) -> tuple[Change | None, Names]:
         if change:
             self._answer = None
@@ -181,11 +264,13 @@ class StandingQuery:
         told = Change(
             self.query.form,
             self.query.variables,
-            covered[0].number - 1,
-            covered[-1].number,
+            covered[0].before,
+            commit,
             change,
             events,
             bool(self.bag) if self.query.form == "ask" else None,
+            covered[0].since_s,
+            at_s,
         )
         self._remember(told)
         return told, names
@@ -213,7 +298,7 @@ class StandingQuery:
 
     def _events(
         self, covered: Sequence[CommitChange], change: Difference, gone: set[str]
-    ) -> tuple[tuple[int, FluentEvent], ...]:
+    ) -> tuple[tuple[int, ToldEvent], ...]:
         """The events to tell of.
 
         Those of fluents that are in the result before or after. If there are none although the
@@ -223,15 +308,15 @@ class StandingQuery:
         if self._names is None:
             return ()
         concerned = tuple(
-            (commit.number, event)
+            (commit.number, event.told)
             for commit in covered
-            for event in commit.commit.events
-            if event.after.name in self._names or event.after.name in gone
+            for event in commit.events
+            if event.event.after.name in self._names or event.event.after.name in gone
         )
         if concerned or not change:
             return concerned
         return tuple(
-            (commit.number, event.event)
+            (commit.number, event.told)
             for commit in covered
             for event in commit.events
             if self._is_touched_by(event)
@@ -253,6 +338,7 @@ class StandingQuery:
             oldest = self._ring.popleft()
             self._ring_solutions -= len(oldest)
             self._ring_start = oldest.commit
+            self._ring_start_s = oldest.at_s
 
 
 def net(differences: Iterable[Difference]) -> Difference:

@@ -20,6 +20,7 @@ from fluentboard.board.subscriptions.messages import (
     Snapshot,
 )
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
+from fluentboard.model.interval import Certainty
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +31,22 @@ class SubscriptionRequest:
         query: SPARQL text.
         mode: whether deltas carry bindings, fluents, or both.
         since: the client has seen everything up to this commit; None for a new client.
+        at: with which certainty a fluent must hold now to be seen; None sees the whole history.
+        since_s: with `at` and `since`: the time that the client saw last, in seconds.
+        sequence: number of the first message.
     """
 
     query: str
     mode: Mode = "bindings"
     since: int | None = None
+    at: Certainty | None = None
+    since_s: float | None = None
+    sequence: int = 0
+
+    @property
+    def key(self) -> tuple[str, Certainty | None]:
+        """What the standing query that serves it is known by."""
+        return self.query, self.at
 
 
 class Subscription:
@@ -67,7 +79,7 @@ class Subscription:
         self._changed = threading.Condition()
         self._queue: deque[Message] = deque()
         self._solutions = 0
-        self._sequence = 0
+        self._sequence = request.sequence
         self._lags = False
         self._closed = False
 
@@ -122,10 +134,10 @@ class Subscription:
 
     # What follows is called by the evaluator's thread alone.
 
-    def put_snapshot(self, commit: int, answer: Answer) -> None:
+    def put_snapshot(self, commit: int, answer: Answer, at_s: float | None = None) -> None:
         """Queues the whole result at a commit; deltas that follow are relative to it."""
         self._lags = False
-        self._put(Snapshot(self._sequence, commit, answer), 0)
+        self._put(Snapshot(self._sequence, commit, answer, at_s), 0)
         self._sequence += 1
 
     def put_change(self, change: Change) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
 
 import pyoxigraph as ox
 import pytest
@@ -16,9 +17,12 @@ from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import parse
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.standing import Plan
+from fluentboard.board.time_views import TimedResults
 from fluentboard.board.triples import event_lines
 from fluentboard.board.vocabulary import Vocabulary, parse_statements
+from fluentboard.clock import ReplayClock
 from fluentboard.model.fluent import Fluent
+from fluentboard.model.interval import Certainty
 from fluentboard_ontology import PREFIXES
 
 ONTOLOGY = """
@@ -42,6 +46,7 @@ class FakeBoard:
 
     def __init__(self) -> None:
         self.vocabulary = Vocabulary()
+        self.clock = ReplayClock()
         self.questions: list[str] = []
         self.before_next_query: Callable[[], None] | None = None
         self._store = ox.Store()
@@ -97,6 +102,17 @@ class FakeBoard:
         self.questions.append(sparql)
         text = use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
         return self.commit, self._store.query(text, prefixes=dict(PREFIXES))
+
+    def timed_query(
+        self, sparql: str, *, at: Literal["now"], certainty: Certainty
+    ) -> TimedResults:
+        raise NotImplementedError("queries at now are tested on the real board")
+
+    def fluent(self, name: str, as_of: int | None = None) -> Fluent:
+        return self._fluents[name]
+
+    def coming(self, certainty: Certainty, at_s: float, as_of: int) -> list[tuple[float, str]]:
+        return []
 
     def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
         yield from self._journal[after:up_to]

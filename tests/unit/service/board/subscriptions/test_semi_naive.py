@@ -74,7 +74,7 @@ def test_too_many_new_statements_are_left_to_a_full_evaluation(
 
 def test_solutions_come_and_go_with_their_statements(join: SemiNaive, board: Any) -> None:
     board.write(AssertFluent(Fluent("table1", "Table", properties=(LABEL,))))
-    join.support_of(evaluate(board, join.view.text)[1])
+    join.support_of(evaluate(board, join.view.text)[2])
     for command, added, removed in (
         (AssertFluent(mug("mug1", "table1")), 1, 0),
         (AssertFluent(mug("mug2", "table1")), 1, 0),
@@ -86,7 +86,7 @@ def test_solutions_come_and_go_with_their_statements(join: SemiNaive, board: Any
         step = moves(CommitChange(board.write(command), board.vocabulary))
         question = join.question(step)
         assert question is not None
-        found = evaluate(board, question)[1] if question else {}
+        found = evaluate(board, question)[2] if question else {}
         change = join.advance(step, found)
         assert (sum(change.added.values()), sum(change.removed.values())) == (added, removed)
 
@@ -105,5 +105,5 @@ def test_solutions_are_counted_after_projection(plan_of: Callable[[str], Plan], 
         AssertFluent(mug("mug1", "table1")),
         AssertFluent(mug("mug2", "table1")),
     )
-    support = join.support_of(evaluate(board, join.view.text)[1])
+    support = join.support_of(evaluate(board, join.view.text)[2])
     assert list(support.values()) == [2]
