@@ -103,9 +103,7 @@ class FakeBoard:
         text = use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
         return self.commit, self._store.query(text, prefixes=dict(PREFIXES))
 
-    def timed_query(
-        self, sparql: str, *, at: Literal["now"], certainty: Certainty
-    ) -> TimedResults:
+    def timed_query(self, sparql: str, *, at: Literal["now"], certainty: Certainty) -> TimedResults:
         raise NotImplementedError("queries at now are tested on the real board")
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
