@@ -104,6 +104,12 @@ class InvalidFrame(InvalidInput):
     code = "invalid-frame"
 
 
+class InvalidModel(InvalidInput):
+    """A trained model is missing, damaged, or was trained for other classes than asked for."""
+
+    code = "invalid-model"
+
+
 class UnreachableView(InvalidInput):
     """A robot cannot get there: its base would collide, or a joint would leave its limits."""
 

@@ -73,6 +73,7 @@ class Potentials:
 
     def score(self, labels: IntArray) -> float:
         """Score of a joint assignment `(n,)`: the negative energy of Eq. 4.5."""
+        # Deviates from Eq. 4.4: the sum of the factors is a score, not an energy (E8).
         a, b = self.edges[:, 0], self.edges[:, 1]
         nodes = float(self.unary[np.arange(len(labels)), labels].sum())
         return nodes + float(self.pairwise[np.arange(len(a)), labels[a], labels[b]].sum())

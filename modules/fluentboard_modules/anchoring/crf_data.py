@@ -60,7 +60,7 @@ class LabelledGraphs:
             wrong = f"edges {self.edges.shape}, edge features {self.e.shape}"
         elif graphs < 0 or len(self.fold) != graphs or self.graph_ptr[-1] != nodes:
             wrong = f"{graphs} graphs, {len(self.fold)} folds, {nodes} nodes"
-        elif nodes and not (0 <= self.y.min() and self.y.max() < len(self.classes)):
+        elif nodes and not 0 <= self.y.min() <= self.y.max() < len(self.classes):
             wrong = f"classes {self.y.min()} to {self.y.max()} of {len(self.classes)}"
         elif len(self.edges) and not np.all(self.edges[:, 0] < self.edges[:, 1]):
             wrong = "an edge whose first node is not the smaller one"
@@ -229,9 +229,7 @@ class GraphCollector:
     def graphs(self) -> LabelledGraphs:
         """All graphs added so far."""
         graph_ptr = _pointers([len(x) for x in self._x])
-        shifted = [
-            edges + start for edges, start in zip(self._edges, graph_ptr[:-1], strict=True)
-        ]
+        shifted = [edges + start for edges, start in zip(self._edges, graph_ptr[:-1], strict=True)]
         return LabelledGraphs(
             self.classes,
             np.concatenate([np.zeros((0, len(self.node_names))), *self._x]),

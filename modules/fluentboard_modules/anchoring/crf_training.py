@@ -106,6 +106,7 @@ class PseudoLikelihood:
     def unpack(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Unary weights, pairwise weights with their symmetry, weight of local recognition."""
         cut = self._x.shape[1] * self._labels
+        # Deviates from Eq. 4.3: an edge has no direction, so theta is (anti)symmetric (E10).
         omega = parameters[:cut].reshape(-1, self._labels)
         free = parameters[cut:-1].reshape(self._shape)
         return omega, 0.5 * (free + self._parity * free.transpose(0, 2, 1)), float(parameters[-1])

@@ -58,9 +58,7 @@ def read_kth_desks(path: Path) -> list[LabelledScene]:
             "date, time, table_lw and objects"
         ) from problem
     part_of_day = {"morning": "0", "afternoon": "1", "evening": "2"}
-    return sorted(
-        read, key=lambda s: [part_of_day.get(word, word) for word in s.name.split(" ")]
-    )
+    return sorted(read, key=lambda s: [part_of_day.get(word, word) for word in s.name.split(" ")])
 
 
 def _desk(scene: dict) -> LabelledScene:
@@ -124,7 +122,8 @@ def read_sunrgbd_boxes(path: Path, blocks: int = 5) -> list[LabelledScene]:
                 str(image),
                 f"block {number * blocks // len(images)}",
                 tuple(
-                    SceneObject(f"{image}-{k}", box, np.zeros(0)) for k, (_, box) in enumerate(boxes)
+                    SceneObject(f"{image}-{k}", box, np.zeros(0))
+                    for k, (_, box) in enumerate(boxes)
                 ),
                 tuple(cls for cls, _ in boxes),
             )

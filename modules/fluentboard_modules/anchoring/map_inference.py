@@ -16,6 +16,7 @@ from fluentboard_modules.anchoring.crf_data import IntArray
 MapMethod = Literal["exact", "icm"]
 
 _BOUND_SWEEPS = 12
+_ICM_SWEEPS = 100
 _EPS = 1e-9
 
 
@@ -56,49 +57,63 @@ def most_probable(
     count, labels = potentials.unary.shape
     if count == 0 or labels == 0:
         return MapAssignment(np.zeros(count, dtype=np.int64), 0.0, True)
-    unary = np.ascontiguousarray(potentials.unary)
+    unary = np.array(potentials.unary, dtype=np.float64, order="C")
     edges = np.ascontiguousarray(potentials.edges, dtype=np.int64)
-    pairwise = np.ascontiguousarray(potentials.pairwise)
+    pairwise = np.array(potentials.pairwise, dtype=np.float64, order="C")
+    found = _start(unary)
+    _icm(unary, edges, pairwise, found, _ICM_SWEEPS)
     if method == "icm":
-        found = _icm(unary, edges, pairwise, _argmax_rows(unary), 100)
         return MapAssignment(found, potentials.score(found), len(edges) == 0)
-    found, expanded = _branch_and_bound(unary, edges, pairwise, expanded_max)
+    # Deviates from Section 4.2.3.4: ICM is only where the search starts.
+    expanded = _branch_and_bound(unary, edges, pairwise, found, expanded_max)
     return MapAssignment(found, potentials.score(found), expanded < expanded_max, int(expanded))
 
 
+# The functions below spell loops out: array expressions take numba many times longer to compile.
+
+
 @njit(cache=True)
-def _argmax_rows(unary: FloatArray) -> IntArray:
-    best = np.zeros(unary.shape[0], dtype=np.int64)
-    for i in range(unary.shape[0]):
-        best[i] = np.argmax(unary[i])
+def _largest(row: FloatArray) -> int:
+    best = 0
+    for c in range(row.shape[0]):
+        if row[c] > row[best]:
+            best = c
     return best
 
 
 @njit(cache=True)
+def _start(unary: FloatArray) -> IntArray:
+    labels = np.zeros(unary.shape[0], dtype=np.int64)
+    for i in range(unary.shape[0]):
+        labels[i] = _largest(unary[i])
+    return labels
+
+
+@njit(cache=True)
 def _icm(
-    unary: FloatArray, edges: IntArray, pairwise: FloatArray, start: IntArray, sweeps: int
-) -> IntArray:
-    labels = start.copy()
+    unary: FloatArray, edges: IntArray, pairwise: FloatArray, labels: IntArray, sweeps: int
+) -> None:
+    """Improves `labels` in place, one node at a time, until nothing does."""
     count, classes = unary.shape
+    local = np.zeros(classes)
     for _ in range(sweeps):
         changed = False
         for i in range(count):
-            local = unary[i].copy()
+            for c in range(classes):
+                local[c] = unary[i, c]
             for k in range(edges.shape[0]):
                 if edges[k, 0] == i:
-                    local += pairwise[k, :, labels[edges[k, 1]]]
+                    for c in range(classes):
+                        local[c] += pairwise[k, c, labels[edges[k, 1]]]
                 elif edges[k, 1] == i:
-                    local += pairwise[k, labels[edges[k, 0]]]
-            best = labels[i]
-            for c in range(classes):
-                if local[c] > local[best] + _EPS:
-                    best = c
-            if best != labels[i]:
+                    for c in range(classes):
+                        local[c] += pairwise[k, labels[edges[k, 0]], c]
+            best = _largest(local)
+            if local[best] > local[labels[i]] + _EPS:
                 labels[i] = best
                 changed = True
         if not changed:
             break
-    return labels
 
 
 @njit(cache=True)
@@ -106,28 +121,33 @@ def _tighten(unary: FloatArray, edges: IntArray, pairwise: FloatArray, sweeps: i
     """Moves score from edges to nodes in place; the score of every assignment stays the same."""
     classes = unary.shape[1]
     for _ in range(sweeps):
-        gained = 0.0
+        moved = 0.0
         for k in range(edges.shape[0]):
             i, j = edges[k, 0], edges[k, 1]
-            before = np.max(unary[i]) + np.max(unary[j]) + np.max(pairwise[k])
             # Everything of both nodes into the edge, and half of what is best back to each.
             for a in range(classes):
                 for b in range(classes):
                     pairwise[k, a, b] += unary[i, a] + unary[j, b]
             for a in range(classes):
-                unary[i, a] = 0.5 * np.max(pairwise[k, a])
+                most = pairwise[k, a, 0]
+                for b in range(1, classes):
+                    most = max(most, pairwise[k, a, b])
+                moved = max(moved, abs(0.5 * most - unary[i, a]))
+                unary[i, a] = 0.5 * most
             for b in range(classes):
-                unary[j, b] = 0.5 * np.max(pairwise[k, :, b])
+                most = pairwise[k, 0, b]
+                for a in range(1, classes):
+                    most = max(most, pairwise[k, a, b])
+                unary[j, b] = 0.5 * most
             for a in range(classes):
                 for b in range(classes):
                     pairwise[k, a, b] -= unary[i, a] + unary[j, b]
-            gained += before - np.max(unary[i]) - np.max(unary[j]) - np.max(pairwise[k])
-        if gained < 1e-3:
+        if moved < 1e-3:
             break
 
 
 @njit(cache=True)
-def _components(count: int, edges: IntArray) -> IntArray:
+def _parts(count: int, edges: IntArray) -> IntArray:
     """`(n,)`; the smallest node number of the part of the graph each node belongs to."""
     part = np.arange(count)
     changed = True
@@ -144,38 +164,52 @@ def _components(count: int, edges: IntArray) -> IntArray:
 
 @njit(cache=True)
 def _branch_and_bound(
-    original: FloatArray, edges: IntArray, original_pairs: FloatArray, expanded_max: int
-) -> tuple[IntArray, int]:
-    count = original.shape[0]
-    unary, pairwise = original.copy(), original_pairs.copy()
+    unary: FloatArray, edges: IntArray, pairwise: FloatArray, best: IntArray, expanded_max: int
+) -> int:
+    """Replaces the assignment `best` by the best one; changes the scores in place."""
+    count, classes = unary.shape
     _tighten(unary, edges, pairwise, _BOUND_SWEEPS)
-    # Two guesses: what the nodes say alone, and what they say after their neighbours had a word.
-    best = _icm(unary, edges, pairwise, _argmax_rows(unary), 100)
-    other = _icm(unary, edges, pairwise, _argmax_rows(original), 100)
+    other = _start(unary)
+    _icm(unary, edges, pairwise, other, _ICM_SWEEPS)
     edge_at = np.full((count, count), -1)
     for k in range(edges.shape[0]):
         edge_at[edges[k, 0], edges[k, 1]] = k
         edge_at[edges[k, 1], edges[k, 0]] = k
+    # The surest nodes first: their mistakes are cut off at once.
     margin = np.zeros(count)
     for i in range(count):
-        ordered = np.sort(unary[i])
-        margin[i] = ordered[-1] - ordered[-2] if ordered.shape[0] > 1 else 1.0
-    by_margin = np.argsort(-margin)
-    part = _components(count, edges)
+        top = _largest(unary[i])
+        second = -np.inf
+        for c in range(classes):
+            if c != top:
+                second = max(second, unary[i, c])
+        margin[i] = unary[i, top] - second
+    part = _parts(count, edges)
+    nodes = np.zeros(count, dtype=np.int64)
     expanded = 0
     for root in range(count):
         if part[root] != root:
             continue
-        nodes = by_margin[part[by_margin] == root]
-        if _score_of(nodes, other, unary, edges, pairwise, part, root) > _score_of(
-            nodes, best, unary, edges, pairwise, part, root
-        ):
-            best[nodes] = other[nodes]
-        known = _score_of(nodes, best, unary, edges, pairwise, part, root)
+        size = 0
+        for i in range(count):
+            if part[i] == root:
+                at = size
+                while at > 0 and margin[nodes[at - 1]] < margin[i]:
+                    nodes[at] = nodes[at - 1]
+                    at -= 1
+                nodes[at] = i
+                size += 1
+        own = nodes[:size]
+        known = _score_of(own, best, unary, edges, pairwise, part, root)
+        rival = _score_of(own, other, unary, edges, pairwise, part, root)
+        if rival > known:
+            known = rival
+            for i in own:
+                best[i] = other[i]
         expanded += _search(
-            nodes, unary, edges, pairwise, edge_at, best, known, expanded_max - expanded
+            own, unary, edges, pairwise, edge_at, best, known, expanded_max - expanded
         )
-    return best, expanded
+    return expanded
 
 
 @njit(cache=True)
@@ -195,6 +229,12 @@ def _score_of(
         if part[edges[k, 0]] == root:
             total += pairwise[k, labels[edges[k, 0]], labels[edges[k, 1]]]
     return total
+
+
+@njit(cache=True)
+def _pair(pairwise: FloatArray, edges: IntArray, edge: int, node: int, a: int, b: int) -> float:
+    """Score of class a for this node and class b for the node at the other end."""
+    return pairwise[edge, a, b] if edges[edge, 0] == node else pairwise[edge, b, a]
 
 
 @njit(cache=True)
@@ -218,16 +258,16 @@ def _search(
     reach = np.zeros((count + 1, count, classes))
     optimistic = np.zeros((count, count, classes))
     for k in range(count):
-        reach[0, k] = unary[nodes[k]]
-        for d in range(k):
-            edge = edge_at[nodes[d], nodes[k]]
-            if edge >= 0:
-                for b in range(classes):
-                    if edges[edge, 0] == nodes[d]:
-                        optimistic[d, k, b] = np.max(pairwise[edge, :, b])
-                    else:
-                        optimistic[d, k, b] = np.max(pairwise[edge, b, :])
-                    reach[0, k, b] += optimistic[d, k, b]
+        for b in range(classes):
+            reach[0, k, b] = unary[nodes[k], b]
+            for d in range(k):
+                edge = edge_at[nodes[d], nodes[k]]
+                if edge >= 0:
+                    most = -np.inf
+                    for a in range(classes):
+                        most = max(most, _pair(pairwise, edges, edge, nodes[d], a, b))
+                    optimistic[d, k, b] = most
+                    reach[0, k, b] += most
     decided = np.zeros(count + 1)
     bound = np.zeros((count, classes))
     turn = np.zeros((count, classes), dtype=np.int64)
@@ -258,15 +298,13 @@ def _search(
             for b in range(classes):
                 reach[depth + 1, k, b] = reach[depth, k, b]
                 if edge >= 0:
-                    exact = (
-                        pairwise[edge, label, b]
-                        if edges[edge, 0] == nodes[depth]
-                        else pairwise[edge, b, label]
-                    )
+                    exact = _pair(pairwise, edges, edge, nodes[depth], label, b)
                     reach[depth + 1, k, b] += exact - optimistic[depth, k, b]
         depth += 1
         position[depth] = 0
-        _rank(depth, nodes, edges, pairwise, edge_at, optimistic, reach, decided[depth], bound, turn)
+        _rank(
+            depth, nodes, edges, pairwise, edge_at, optimistic, reach, decided[depth], bound, turn
+        )
         expanded += 1
     return expanded
 
@@ -294,22 +332,22 @@ def _rank(
             for b in range(classes):
                 value = reach[depth, k, b]
                 if edge >= 0:
-                    exact = (
-                        pairwise[edge, label, b]
-                        if edges[edge, 0] == nodes[depth]
-                        else pairwise[edge, b, label]
-                    )
+                    exact = _pair(pairwise, edges, edge, nodes[depth], label, b)
                     value += exact - optimistic[depth, k, b]
                 most = max(most, value)
             total += most
         bound[depth, label] = total
-    turn[depth] = np.argsort(-bound[depth])
+        at = label
+        while at > 0 and bound[depth, turn[depth, at - 1]] < total:
+            turn[depth, at] = turn[depth, at - 1]
+            at -= 1
+        turn[depth, at] = label
 
 
 def brute_force(potentials: Potentials) -> tuple[NDArray[np.int64], float]:
     """The best assignment of a small graph by trying all: the oracle of the tests."""
     count, classes = potentials.unary.shape
-    grids = np.indices((classes,) * count).reshape(count, -1)
+    grids = np.indices((classes,) * count).reshape(count, classes**count)
     total = potentials.unary[np.arange(count)[:, None], grids].sum(axis=0)
     for (a, b), table in zip(potentials.edges, potentials.pairwise, strict=True):
         total = total + table[grids[a], grids[b]]

@@ -113,6 +113,7 @@ def _messages(
     count, classes = unary.shape
     messages = np.zeros((2, edges.shape[0], classes))
     belief = unary.copy()
+    joint, fresh = np.zeros(classes), np.zeros(classes)
     has_converged = edges.shape[0] == 0
     for sweep in range(sweeps):
         # Damping grows: most graphs settle at once without, the others need more of it.
@@ -121,35 +122,44 @@ def _messages(
         for k in range(edges.shape[0]):
             for way in range(2):
                 sender, receiver = edges[k, way], edges[k, 1 - way]
-                # What the sender believes without what this receiver told it.
-                cavity = belief[sender] - messages[1 - way, k]
-                fresh = np.zeros(classes)
+                # What the sender believes without what this receiver told it, and the edge.
+                highest = -np.inf
                 for c in range(classes):
                     most = -np.inf
                     for s in range(classes):
-                        value = cavity[s] + (
-                            pairwise[k, s, c] if way == 0 else pairwise[k, c, s]
-                        )
-                        most = max(most, value)
+                        joint[s] = belief[sender, s] - messages[1 - way, k, s]
+                        joint[s] += pairwise[k, s, c] if way == 0 else pairwise[k, c, s]
+                        most = max(most, joint[s])
                     total = 0.0
                     for s in range(classes):
-                        value = cavity[s] + (
-                            pairwise[k, s, c] if way == 0 else pairwise[k, c, s]
-                        )
-                        total += np.exp(value - most)
+                        total += np.exp(joint[s] - most)
                     fresh[c] = most + np.log(total)
-                fresh -= np.max(fresh)
-                fresh = keep * messages[way, k] + (1.0 - keep) * fresh
-                change = max(change, np.max(np.abs(fresh - messages[way, k])))
-                belief[receiver] += fresh - messages[way, k]
-                messages[way, k] = fresh
+                    highest = max(highest, fresh[c])
+                for c in range(classes):
+                    told = keep * messages[way, k, c] + (1.0 - keep) * (fresh[c] - highest)
+                    change = max(change, abs(told - messages[way, k, c]))
+                    belief[receiver, c] += told - messages[way, k, c]
+                    messages[way, k, c] = told
         if change < tolerance:
             has_converged = True
             break
     for i in range(count):
-        belief[i] = np.exp(belief[i] - np.max(belief[i]))
-        belief[i] /= np.sum(belief[i])
+        _normalise(belief[i])
     return belief, has_converged
+
+
+@njit(cache=True)
+def _normalise(row: FloatArray) -> None:
+    """Log scores to probabilities, in place."""
+    most = -np.inf
+    for c in range(row.shape[0]):
+        most = max(most, row[c])
+    total = 0.0
+    for c in range(row.shape[0]):
+        row[c] = np.exp(row[c] - most)
+        total += row[c]
+    for c in range(row.shape[0]):
+        row[c] /= total
 
 
 @njit(cache=True)
@@ -164,32 +174,36 @@ def _gibbs(
     """Mean conditional of each node over sweeps in fixed order (less noisy than counting)."""
     count, classes = unary.shape
     labels = start.copy()
+    local = np.zeros(classes)
     total = np.zeros((count, classes))
     for sweep in range(draws.shape[0]):
         for i in range(count):
-            local = unary[i].copy()
+            for c in range(classes):
+                local[c] = unary[i, c]
             for k in range(edges.shape[0]):
                 if edges[k, 0] == i:
-                    local += pairwise[k, :, labels[edges[k, 1]]]
+                    for c in range(classes):
+                        local[c] += pairwise[k, c, labels[edges[k, 1]]]
                 elif edges[k, 1] == i:
-                    local += pairwise[k, labels[edges[k, 0]]]
-            local = np.exp(local - np.max(local))
-            local /= np.sum(local)
+                    for c in range(classes):
+                        local[c] += pairwise[k, labels[edges[k, 0]], c]
+            _normalise(local)
             if sweep >= draws.shape[0] - counted:
-                total[i] += local
+                for c in range(classes):
+                    total[i, c] += local[c] / counted
             threshold = draws[sweep, i]
             label = 0
             while label < classes - 1 and threshold >= local[label]:
                 threshold -= local[label]
                 label += 1
             labels[i] = label
-    return total / counted
+    return total
 
 
 def log_partition(potentials: Potentials) -> float:
     """Logarithm of the sum over all joint assignments of a small graph: an oracle for tests."""
     count, classes = potentials.unary.shape
-    grids = np.indices((classes,) * count).reshape(count, -1)
+    grids = np.indices((classes,) * count).reshape(count, classes**count)
     total = potentials.unary[np.arange(count)[:, None], grids].sum(axis=0)
     for (a, b), table in zip(potentials.edges, potentials.pairwise, strict=True):
         total = total + table[grids[a], grids[b]]
