@@ -7,34 +7,13 @@ A test compares the file with the commands, so it cannot grow stale.
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 REFERENCE = Path(__file__).parent / "reference" / "cli.md"
-
-COMMANDS = (
-    "",
-    "serve",
-    "import",
-    "export",
-    "query",
-    "watch",
-    "work",
-    "work mapping",
-    "evaluate",
-    "evaluate mapping",
-    "frames",
-    "frames info",
-    "frames view",
-    "frames record",
-    "frames publish",
-    "up",
-    "demo",
-)
-"""All commands, in the order of the page; the empty one is `fluentboard` itself."""
 
 _INTRODUCTION = """\
 # Command line
@@ -49,8 +28,12 @@ What `fluentboard COMMAND --help` says, written by `docs/write_cli_reference.py`
 """
 
 
-def help_text(command: str) -> str:
-    """What a command says about itself, 88 characters wide and without colours."""
+def help_texts() -> dict[str, str]:
+    """What every command says about itself, 88 characters wide and without colours.
+
+    Keys are the words after `fluentboard`, in the order in which the commands list themselves. They
+    are asked in one process of their own, whose environment and width are always the same.
+    """
     environment = {
         **{key: value for key, value in os.environ.items() if not key.startswith("FLUENTBOARD_")},
         "TERMINAL_WIDTH": "88",
@@ -59,26 +42,46 @@ def help_text(command: str) -> str:
         "TERM": "dumb",
     }
     shown = subprocess.run(
-        [sys.executable, "-m", "fluentboard", *command.split(), "--help"],
+        [sys.executable, __file__, "--as-json"],
         capture_output=True,
         text=True,
         env=environment,
         check=True,
     )
-    lines = [line.rstrip() for line in shown.stdout.splitlines()]
-    return "\n".join(lines).strip("\n")
+    texts: dict[str, str] = json.loads(shown.stdout)
+    return texts
 
 
-def page() -> str:
+def page(texts: dict[str, str]) -> str:
     """The whole page."""
-    with ThreadPoolExecutor(2) as threads:
-        texts = list(threads.map(help_text, COMMANDS))
     sections = [
         f"## `{' '.join(['fluentboard', *command.split()])}`\n\n```text\n{text}\n```\n"
-        for command, text in zip(COMMANDS, texts, strict=True)
+        for command, text in texts.items()
     ]
     return "\n".join([_INTRODUCTION, *sections])
 
 
+def _asked_here() -> dict[str, str]:
+    import typer.main
+    from click.testing import CliRunner
+
+    from fluentboard.cli import create_app
+
+    root = typer.main.get_command(create_app())
+    texts: dict[str, str] = {}
+    waiting = [("", root)]
+    while waiting:
+        words, command = waiting.pop(0)
+        said = CliRunner().invoke(root, [*words.split(), "--help"], prog_name="fluentboard")
+        lines = [line.rstrip() for line in said.stdout.splitlines()]
+        texts[words] = "\n".join(lines).strip("\n")
+        inner = getattr(command, "commands", {})
+        waiting[:0] = [(f"{words} {name}".strip(), inner[name]) for name in inner]
+    return texts
+
+
 if __name__ == "__main__":
-    REFERENCE.write_text(page(), encoding="utf-8")
+    if "--as-json" in sys.argv:
+        print(json.dumps(_asked_here()))
+    else:
+        REFERENCE.write_text(page(help_texts()), encoding="utf-8")
