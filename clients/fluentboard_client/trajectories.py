@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import httpx
 
-from fluentboard.model.geometry import Pose
 from fluentboard.model.interval import Certainty, Interval
 from fluentboard_client.exchange import Request, Time
+
+if TYPE_CHECKING:
+    from fluentboard.model.geometry import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,9 @@ def trajectory_of(reply: httpx.Response) -> Trajectory:
 
 
 def _held(step: Mapping[str, Any]) -> PoseHeld:
+    # It brings numpy with it, which most programs that talk to a board can do without.
+    from fluentboard.model.geometry import Pose
+
     pose = step["pose"]
     return PoseHeld(
         str(step["fluent"]),

@@ -27,6 +27,8 @@ from fluentboard.api.operations import Operation, Router, no_such_path
 from fluentboard.api.problems import internal_error, method_not_allowed, problem_reply
 from fluentboard.api.rdf4j import Rdf4jRoutes
 from fluentboard.api.security import Guard
+from fluentboard.api.sepa import PATH as SEPA_PATH
+from fluentboard.api.sepa import SepaRoutes
 from fluentboard.api.sparql import SparqlRoutes
 from fluentboard.api.system import SystemRoutes
 from fluentboard.api.transfer import TransferRoutes
@@ -44,8 +46,9 @@ class BoardApp(FastAPI):
         operations: all routes of the board.
         guard: admits callers.
         metrics: counts requests.
-        live: the WebSockets; whoever runs the app closes them before it stops.
+        live: all WebSockets; whoever runs the app closes them before it stops.
         frames: requests that wait for a frame, likewise.
+        sepa: the WebSockets that speak SEPA's dialect; `live` holds them.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class BoardApp(FastAPI):
         metrics: Metrics,
         live: LiveRoutes,
         frames: FrameRoutes,
+        sepa: SepaRoutes,
         **options: Any,
     ) -> None:
         super().__init__(
@@ -69,6 +73,7 @@ class BoardApp(FastAPI):
         self.metrics = metrics
         self.live = live
         self.frames = frames
+        self.sepa = sepa
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)
         self._is_open = guard.is_open
@@ -87,6 +92,8 @@ class BoardApp(FastAPI):
             path = path.removeprefix("/rdf4j-server")
         if kind == "websocket" and path == "/subscriptions":
             await self.live.serve(scope, receive, send, path)
+        elif kind == "websocket" and path == SEPA_PATH:
+            await self.sepa.serve(scope, receive, send, path)
         elif kind == "http" and (self._router.knows(path) or not self._is_known_to_others(scope)):
             await self._edge.serve(scope, receive, send, path)
         else:
@@ -121,6 +128,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         blackboard, settings.subscriptions, outside=blackboard.statements()
     )
     live = LiveRoutes(registry, guard, settings.subscriptions)
+    sepa = SepaRoutes(registry, guard, settings.subscriptions, live)
     data = settings.storage.data
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
     system = SystemRoutes(blackboard)
@@ -134,6 +142,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *ObjectRoutes(blackboard).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
         *live.operations(),
+        *sepa.operations(),
         *frames.operations(),
         *system.operations(),
         *metrics.operations(),
@@ -158,7 +167,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         updater.close()
         evaluator.close()
 
-    app = BoardApp(operations, guard, metrics, live, frames, lifespan=lifespan)
+    app = BoardApp(operations, guard, metrics, live, frames, sepa, lifespan=lifespan)
     app.add_exception_handler(HTTPException, _http_problem)
     app.add_exception_handler(Exception, _unforeseen_problem)
     return app

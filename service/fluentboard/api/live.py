@@ -26,6 +26,9 @@ from fluentboard.errors import FluentboardError, InvalidInput, TooManySubscripti
 
 logger = logging.getLogger(__name__)
 
+LONG_SNAPSHOT = 2_000
+"""A snapshot with more solutions than this is written down in another thread."""
+
 _GOING_AWAY = 1001
 _POLICY_VIOLATION = 1008
 
@@ -33,8 +36,6 @@ _POLICY_VIOLATION = 1008
 _TURN = 32
 # Replies to what the client says, waiting to be sent; then it is not listened to any more.
 _REPLIES_MAX = 64
-# A snapshot with more solutions than this is written down in another thread.
-_LONG_SNAPSHOT = 2_000
 _ID_MAX_CHARACTERS = 200
 _SUBSCRIBE_KEYS = frozenset({"id", "query", "mode", "since"})
 
@@ -74,13 +75,18 @@ class LiveRoutes:
         try:
             call.principal = self._guard.admit(call.headers, "read", changes=True)
         except FluentboardError as problem:
-            await _refuse(scope, send, problem_reply(problem))
+            await refuse(scope, send, problem_reply(problem))
             return
+        await self.hold(
+            Connection(self._registry, self._settings, receive, send, client_of(scope)), send
+        )
+
+    async def hold(self, connection: Connection, send: Send) -> None:
+        """Accepts the WebSocket of a connection, and runs it until either side closes it."""
         if self._is_closing:
             await send({"type": "websocket.close", "code": _GOING_AWAY})
             return
         await send({"type": "websocket.accept"})
-        connection = Connection(self._registry, self._settings, receive, send, _client(scope))
         self._connections[connection] = None
         try:
             await connection.run()
@@ -193,16 +199,20 @@ class Connection:
             message = await self._receive()
             if message["type"] != "websocket.receive":
                 return
-            name: Any = None
-            try:
-                request = _request(message.get("text") or message.get("bytes") or b"")
-                name = request[1].get("id")
-                reply = await self._answer(*request)
-            except FluentboardError as problem:
-                reply = _error(name, problem)
+            reply = await self._heard(message.get("text") or message.get("bytes") or b"")
             if reply is not None:
                 await self._replies.put(reply)
                 self._something.set()
+
+    async def _heard(self, text: str | bytes) -> dict[str, Any] | None:
+        """Does what a client says; the reply, if there is one before the first result."""
+        name: Any = None
+        try:
+            request = _request(text)
+            name = request[1].get("id")
+            return await self._answer(*request)
+        except FluentboardError as problem:
+            return _error(name, problem)
 
     async def _answer(self, kind: str, body: dict[str, Any]) -> dict[str, Any] | None:
         name = body.get("id")
@@ -232,18 +242,27 @@ class Connection:
                 f"there is a subscription {name!r} on this connection already; unsubscribe it, or "
                 "choose another id"
             )
-        if len(self.subscriptions) >= self._settings.per_client_max:
-            raise TooManySubscriptions(
-                f"this connection has {len(self.subscriptions)} subscriptions, as many as it may; "
-                "unsubscribe some, or raise subscriptions.per_client_max",
-                limit=self._settings.per_client_max,
-            )
         query, since = body.get("query"), body.get("since")
         if not isinstance(query, str):
             raise InvalidInput(f"the query is {query!r}; give SPARQL text")
         if since is not None and (isinstance(since, bool) or not isinstance(since, int)):
             raise InvalidInput(f"since is {since!r}; give a commit number")
         mode = cast("Mode", body.get("mode", "bindings"))
+        await self._open(name, query, mode, since)
+
+    async def _open(self, name: str, query: str, mode: Mode, since: int | None) -> None:
+        """Opens a subscription under a name that is not in use.
+
+        Raises:
+            InvalidQuery, InvalidInput: as `SubscriptionRegistry.open` says.
+            TooManySubscriptions: the connection has as many as it may.
+        """
+        if len(self.subscriptions) >= self._settings.per_client_max:
+            raise TooManySubscriptions(
+                f"this connection has {len(self.subscriptions)} subscriptions, as many as it may; "
+                "unsubscribe some, or raise subscriptions.per_client_max",
+                limit=self._settings.per_client_max,
+            )
         # Parsing a query takes milliseconds; other clients need not wait for that.
         opening = self._loop.run_in_executor(
             None, self._registry.open, query, mode, since, self._marker(name)
@@ -297,21 +316,27 @@ class Connection:
             if isinstance(message, Failed):
                 self.subscriptions.pop(name, None)
                 subscription.close()
-                await self._say(_error(name, message.problem))
+                await self._say(self._failed(name, message.problem))
                 return
-            await self._send({"type": "websocket.send", "text": await _text(message, name)})
+            text = await self._told(message, name)
+            if text is not None:
+                await self._send({"type": "websocket.send", "text": text})
         if subscription.waiting:
             self._ready[name] = None
+
+    def _failed(self, name: str, problem: FluentboardError) -> dict[str, Any]:
+        """What is said when the query of a subscription can no longer be evaluated."""
+        return _error(name, problem)
+
+    async def _told(self, message: Message, name: str) -> str | None:
+        """A message as text; None if there is nothing to say."""
+        if isinstance(message, Snapshot) and len(message.answer.bag) > LONG_SNAPSHOT:
+            return await asyncio.to_thread(_json_text, message, name)
+        return _json_text(message, name)
 
     async def _say(self, message: dict[str, Any]) -> None:
         text = orjson.dumps(message, default=str).decode()
         await self._send({"type": "websocket.send", "text": text})
-
-
-async def _text(message: Message, name: str) -> str:
-    if isinstance(message, Snapshot) and len(message.answer.bag) > _LONG_SNAPSHOT:
-        return await asyncio.to_thread(_json_text, message, name)
-    return _json_text(message, name)
 
 
 def _json_text(message: Message, name: str) -> str:
@@ -344,12 +369,13 @@ def _close_opened(opening: asyncio.Future[Subscription]) -> None:
         opening.result().close()
 
 
-def _client(scope: Scope) -> str:
+def client_of(scope: Scope) -> str:
+    """The address of who opened a WebSocket."""
     host, port = scope.get("client") or ("unknown", 0)
     return f"{host}:{port}"
 
 
-async def _refuse(scope: Scope, send: Send, reply: Reply) -> None:
+async def refuse(scope: Scope, send: Send, reply: Reply) -> None:
     """Answers the handshake with a problem, where the server can, else with a close."""
     if "websocket.http.response" not in scope.get("extensions", {}):
         await send({"type": "websocket.close", "code": _POLICY_VIOLATION})

@@ -6,6 +6,9 @@ Strings, comments and IRIs may contain anything: they are blanked out before wor
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+
+from fluentboard.errors import InvalidInput
 
 _OPAQUE = re.compile(
     r"""
@@ -18,6 +21,9 @@ _OPAQUE = re.compile(
 )
 _FORM = re.compile(r"(?<![\w:?$.-])(select|ask|construct|describe)(?![\w:-])", re.IGNORECASE)
 _WORD = re.compile(r"(?<![\w:?$.-])[A-Za-z_]\w*(?![\w:-])")
+
+_BOUNDARY = re.compile(r"[({)]|(?<![\w:?$.-])where(?![\w:-])", re.IGNORECASE)
+_IRI = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:[^<>\"{}|^`\\\x00-\x20]*")
 
 
 def blanked(query: str) -> str:
@@ -77,6 +83,43 @@ def as_select_all(query: str) -> str | None:
         else:
             return None
     return query[: form.start()] + "SELECT *" + query[rest:]
+
+
+def over_dataset(query: str, default: Sequence[str], named: Sequence[str]) -> str:
+    """The query over graphs that the request names, as if it named them with FROM.
+
+    Args:
+        query: of any form.
+        default: IRIs of graphs that make up the default graph.
+        named: IRIs of graphs that GRAPH sees.
+
+    Raises:
+        InvalidInput: one of them is no IRI, or the query names graphs itself.
+    """
+    for iri in (*default, *named):
+        if not _IRI.fullmatch(iri):
+            raise InvalidInput(f"the graph {iri!r} is no IRI")
+    plain = blanked(query)
+    form = _FORM.search(plain)
+    if "FROM" in words(query):
+        raise InvalidInput("the query has FROM, and the request names graphs too; do one of both")
+    depth = 0
+    for token in _BOUNDARY.finditer(plain, 0 if form is None else form.end()):
+        mark = token.group().upper()
+        if mark in "()":
+            depth += 1 if mark == "(" else -1
+        elif depth == 0 and (mark == "WHERE" or not _is_template(plain, form, token.start())):
+            clauses = [f"FROM <{iri}>" for iri in default]
+            clauses += [f"FROM NAMED <{iri}>" for iri in named]
+            return f"{query[: token.start()]} {' '.join(clauses)} {query[token.start() :]}"
+    return query
+
+
+def _is_template(plain: str, form: re.Match[str] | None, brace: int) -> bool:
+    """Whether the brace opens what a CONSTRUCT makes, and not a pattern."""
+    if form is None or form.group(1).lower() != "construct":
+        return False
+    return "{" not in plain[form.end() : brace] and plain[form.end() : brace].strip() == ""
 
 
 def prologue(query: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pyoxigraph as ox
 import pytest
 
 from fluentboard.board.subscriptions.sparql_text import (
@@ -9,11 +10,13 @@ from fluentboard.board.subscriptions.sparql_text import (
     blanked,
     filter_texts,
     has_escapes,
+    over_dataset,
     prologue,
     query_form,
     without_distinct,
     words,
 )
+from fluentboard.errors import InvalidInput
 
 
 def test_strings_comments_and_iris_are_blanked_in_place() -> None:
@@ -81,3 +84,36 @@ def test_prologue_ends_before_the_form() -> None:
 def test_filters_are_cut_out_with_their_brackets() -> None:
     query = "SELECT * { ?x ?p ?o FILTER(?o > (1 + 2)) FILTER regex(?o, ')') ?x ?q ?filter }"
     assert filter_texts(query) == ["FILTER(?o > (1 + 2))", "FILTER regex(?o, ')')"]
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "SELECT * WHERE { ?s ?p ?o }",
+        "select (exists { ?a ?b ?c } as ?e) ?s ?p ?o { ?s ?p ?o }",
+        "PREFIX where: <urn:where> SELECT * # where {\n { ?s ?p ?o }",
+        "CONSTRUCT { ?s ?p (1 ?o) } WHERE { ?s ?p ?o }",
+        "CONSTRUCT WHERE { ?s ?p ?o }",
+        "ASK { ?s ?p ?o FILTER(?o != 'where {') }",
+    ],
+)
+def test_a_query_goes_over_the_graphs_that_the_request_names(query: str) -> None:
+    store = ox.Store()
+    a, b = ox.NamedNode("urn:a"), ox.NamedNode("urn:b")
+    store.add(ox.Quad(a, a, a, a))
+    store.add(ox.Quad(b, b, b))
+    narrowed = store.query(over_dataset(query, ["urn:a"], []))
+    if isinstance(narrowed, ox.QueryBoolean):
+        assert narrowed
+        assert not store.query(over_dataset(query, ["urn:b"], []))
+        return
+    found = {str(part) for row in narrowed for part in row}  # type: ignore[union-attr]
+    assert "<urn:a>" in found
+    assert "<urn:b>" not in found
+
+
+def test_graphs_are_named_once_and_by_iris() -> None:
+    with pytest.raises(InvalidInput, match="FROM"):
+        over_dataset("SELECT * FROM <urn:a> {}", ["urn:a"], [])
+    with pytest.raises(InvalidInput, match="no IRI"):
+        over_dataset("SELECT * {}", ["urn:a> {} #"], [])
