@@ -9,14 +9,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from fluentboard.model.geometry import FloatArray
-
-_STEEPEST_RAD = math.radians(89.0)
+from fluentboard_modules.simulation.noise_kernels import (
+    STEEPEST_RAD,
+    measured,
+    shadow_of_projector,
+)
 
 
 class NoiseConfig(BaseModel):
@@ -116,7 +120,7 @@ def lateral_sigma_px(incidence_rad: FloatArray) -> FloatArray:
 
 def _steepness(incidence_rad: FloatArray) -> FloatArray:
     """The factor a / (pi/2 - a), cut off below 90 deg where it has its pole."""
-    angle = np.minimum(incidence_rad, _STEEPEST_RAD)
+    angle = np.minimum(incidence_rad, STEEPEST_RAD)
     return angle / (0.5 * math.pi - angle)
 
 
@@ -129,7 +133,9 @@ def quantised(depth_m: FloatArray, config: NoiseConfig) -> FloatArray:
     return np.where(known, product / (steps * config.disparity_step_px), 0.0)
 
 
-def projector_shadow(depth_m: FloatArray, focal_px: float, baseline_m: float) -> NDArray[np.bool_]:
+def projector_shadow(
+    depth_m: NDArray[np.floating[Any]], focal_px: float, baseline_m: float
+) -> NDArray[np.bool_]:
     """`(h, w)`; which pixels the projector, `baseline_m` to the right of the camera, cannot reach.
 
     Every row is drawn into the projector's own row, where the nearest surface wins; what lies more
@@ -140,27 +146,14 @@ def projector_shadow(depth_m: FloatArray, focal_px: float, baseline_m: float) ->
         focal_px: of the camera.
         baseline_m: metres.
     """
-    height, width = depth_m.shape
-    known = np.isfinite(depth_m) & (depth_m > 0.0)
-    disparity = np.where(known, focal_px * baseline_m / np.where(known, depth_m, 1.0), 0.0)
-    reach = int(np.ceil(disparity.max(initial=0.0))) + 1
-    row, column = np.nonzero(known)
-    own = disparity[row, column]
-    place = column - own + reach
-    left = np.floor(place).astype(np.int64)
-    nearest = np.zeros((height, width + reach + 2))
-    # Both neighbouring columns are drawn, so that a slanted surface has no gaps to shine through.
-    np.maximum.at(nearest, (row, left), own)
-    np.maximum.at(nearest, (row, left + 1), own)
     shadow = np.zeros(depth_m.shape, dtype=np.bool_)
-    between = np.minimum(nearest[row, left], nearest[row, left + 1])
-    shadow[row, column] = between > own + 2.0
+    shadow_of_projector(np.ascontiguousarray(depth_m), focal_px * baseline_m, shadow)
     return shadow
 
 
 def noisy_depth(
     depth_m: NDArray[np.float32],
-    incidence_rad: FloatArray,
+    incidence_rad: NDArray[np.floating[Any]],
     focal_px: float,
     config: NoiseConfig,
     rng: np.random.Generator,
@@ -176,42 +169,35 @@ def noisy_depth(
         rng: source of all randomness.
         polished: `(h, w)`; which pixels show polished metal.
     """
-    clean = np.where(np.isfinite(depth_m), depth_m, 0.0).astype(np.float64)
+    clean = np.where(np.isfinite(depth_m), depth_m, 0.0).astype(np.float32)
+    incidence = np.ascontiguousarray(incidence_rad, dtype=np.float32)
     lost = clean <= 0.0
     if config.shadow:
-        lost = lost | projector_shadow(clean, focal_px, config.baseline_m)
+        lost |= projector_shadow(clean, focal_px, config.baseline_m)
     ramp = max(config.grazing_to_rad - config.grazing_from_rad, 1e-9)
-    fading = (incidence_rad - config.grazing_from_rad) / ramp
-    if (fading > 0.0).any():
-        lost = lost | (rng.random(clean.shape) < fading)
+    if incidence.max(initial=0.0) > config.grazing_from_rad:
+        fading = (incidence - np.float32(config.grazing_from_rad)) * np.float32(1.0 / ramp)
+        lost |= rng.random(clean.shape, dtype=np.float32) < fading
     if polished is not None and config.polished > 0.0 and polished.any():
-        lost = lost | (polished & (rng.random(clean.shape) < config.polished))
-    clean = np.where(lost, 0.0, clean)
+        lost |= polished & (rng.random(clean.shape, dtype=np.float32) < config.polished)
+    clean[lost] = 0.0
 
-    source = np.arange(clean.size).reshape(clean.shape)
-    if config.lateral > 0.0:
-        sigma = config.lateral * lateral_sigma_px(incidence_rad) * focal_px / config.focal_px
-        source = _wandered(clean.shape, sigma, rng)
-    depth = clean.ravel()[source]
-    known = depth > 0.0
-    if config.axial > 0.0:
-        sigma = config.axial * axial_sigma_m(depth, incidence_rad.ravel()[source])
-        depth = np.where(known, depth + sigma * rng.standard_normal(depth.shape), 0.0)
-    if config.quantisation:
-        depth = quantised(depth, config)
-    if config.dropout > 0.0:
-        depth = np.where(rng.random(depth.shape) < config.dropout, 0.0, depth)
-    return NoisyDepth(np.maximum(depth, 0.0).astype(np.float32), source)
-
-
-def _wandered(
-    shape: tuple[int, ...], sigma_px: FloatArray, rng: np.random.Generator
-) -> NDArray[np.int64]:
-    """`(h, w)`; flat index of the pixel that each pixel shows after a Gaussian sideways step."""
-    height, width = shape
-    row, column = np.indices(shape)
-    row_step = np.rint(sigma_px * rng.standard_normal(shape)).astype(np.int64)
-    column_step = np.rint(sigma_px * rng.standard_normal(shape)).astype(np.int64)
-    return np.clip(row + row_step, 0, height - 1) * width + np.clip(
-        column + column_step, 0, width - 1
+    nothing = np.zeros((0, 0), dtype=np.float32)
+    is_wandering, is_axial, is_dropping = config.lateral > 0, config.axial > 0, config.dropout > 0
+    depth = np.zeros(clean.shape, dtype=np.float32)
+    source = np.zeros(clean.shape, dtype=np.int64)
+    measured(
+        clean,
+        incidence,
+        rng.standard_normal((2, *clean.shape), dtype=np.float32) if is_wandering else nothing[None],
+        rng.standard_normal(clean.shape, dtype=np.float32) if is_axial else nothing,
+        rng.random(clean.shape, dtype=np.float32) if is_dropping else nothing,
+        config.lateral * focal_px / config.focal_px,
+        config.axial,
+        config.focal_px * config.baseline_m,
+        config.disparity_step_px if config.quantisation else 0.0,
+        config.dropout,
+        depth,
+        source,
     )
+    return NoisyDepth(depth, source)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidConfiguration
-from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard.model.geometry import Transform
 from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 from fluentboard_modules.simulation.noise import NoiseConfig, noisy_depth
+from fluentboard_modules.simulation.noise_kernels import incidence_of_hits
 from fluentboard_modules.simulation.raycasting import Hits, SceneCaster
 from fluentboard_modules.simulation.scene import Scene
 
@@ -111,12 +112,18 @@ class RgbdSensor:
 
     def _incidence_rad(
         self, caster: SceneCaster, hits: Hits, T_map_sensor: Transform
-    ) -> FloatArray:
+    ) -> NDArray[np.float32]:
         # Turning the few normals into the camera frame is cheaper than turning all rays.
         normals = caster.triangle_normal @ T_map_sensor.rotation.astype(np.float32)
-        along = np.einsum("hwk,hwk->hw", normals[hits.triangle], self._directions)
-        cosine = np.abs(along) / self._ray_length
-        return np.arccos(np.clip(cosine, 0.0, 1.0)).astype(np.float64)
+        incidence = np.zeros(hits.triangle.shape, dtype=np.float32)
+        incidence_of_hits(
+            hits.triangle.ravel(),
+            normals,
+            self._directions.reshape(-1, 3),
+            self._ray_length.ravel(),
+            incidence.ravel(),
+        )
+        return incidence
 
 
 def shaded_triangles(caster: SceneCaster) -> NDArray[np.uint8]:
