@@ -1,4 +1,4 @@
-"""The commands that the modules add to `fluentboard`: work, demo, frames and evaluate."""
+"""The commands that the modules add to `fluentboard`: work, demo, frames, simulate and evaluate."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from fluentboard_modules.command_options import (
     needs_extra,
 )
 from fluentboard_modules.frames import commands as frame_commands
+from fluentboard_modules.simulation import commands as simulation_commands
 from fluentboard_modules.supervision import commands as supervision_commands
 
 Frames = Annotated[
@@ -63,6 +64,7 @@ def register(app: typer.Typer) -> None:
         "fluentboard demo --frames ./kitchen --gravity ./kitchen/gravity-direction.txt",
     )(demo)
     frame_commands.register(app)
+    simulation_commands.register(app)
     supervision_commands.register(app)
 
 

@@ -23,6 +23,7 @@ from fluentboard_modules.simulation.recording import record
 from fluentboard_modules.simulation.restaurant import restaurant
 from fluentboard_modules.simulation.robots import PR2
 from fluentboard_modules.simulation.rooms import furnished_room
+from fluentboard_modules.simulation.trajectories import Stop, fewer_stops, tour
 from fluentboard_modules.simulation.viewpoint import kinect_camera
 
 SMALL = kinect_camera(80)
@@ -111,8 +112,17 @@ def test_a_drive_that_starts_at_the_reserved_time_is_refused(drive: SimulatedDri
 
 
 def test_a_tour_needs_a_frame_per_stop():
+    stops = [Stop(1.0, 1.0, 0.0, 0.2), Stop(1.5, 1.0, 0.0, 0.2)]
     with pytest.raises(InvalidInput, match="frames"):
-        room_drive(SCENE, seed=0, frames=3, camera=SMALL)
+        tour(stops, costmap(SCENE, 0.3), 1.4, 1)
+
+
+def test_a_short_drive_looks_at_as_much_as_it_can():
+    stops = [Stop(float(k), 0.0, 0.0, 0.2, name) for k, name in enumerate("aaabbc")]
+    assert [s.target for s in fewer_stops(stops, 4)] == ["a", "a", "b", "c"]
+    assert [s.target for s in fewer_stops(stops, 2)] == ["a", "b"]
+    assert list(fewer_stops(stops, 9)) == stops
+    assert len(room_drive(SCENE, seed=0, frames=3, camera=SMALL)) == 3
 
 
 @pytest.fixture(scope="module")

@@ -4,18 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fluentboard.errors import InvalidInput
-from fluentboard_modules.frames.source_options import check_options, whole_number
+from fluentboard_modules.frames.source_options import check_options, split_options, whole_number
 
 if TYPE_CHECKING:
     from fluentboard_modules.simulation.drive import SimulatedDrive
+    from fluentboard_modules.simulation.robots import RobotModel
+    from fluentboard_modules.simulation.scene import Scene
 
-_COMMON_OPTIONS = ("seed", "frames", "width", "noise", "rate")
+_COMMON_OPTIONS = ("seed", "frames", "width", "noise", "rate", "visit", "robot")
 _KINECT_WIDTH = 640
 
 Options = Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What every simulated drive is asked for.
+
+    Attributes:
+        text: all of the source, for messages.
+        options: what stands behind the question mark.
+        seed: of the scene and of the noise.
+        frames: how many.
+        robot: who drives, if not the usual one.
+    """
+
+    text: str
+    options: Options
+    seed: int
+    frames: int
+    robot: RobotModel | None
+
+    def rng(self) -> np.random.Generator:
+        return np.random.default_rng(self.seed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,44 +51,75 @@ class _Kind:
     """A kind of simulated drive.
 
     Attributes:
-        make: the drive, from the whole text, the options, the seed and the number of frames.
+        make: the drive.
         frames: how many unless asked otherwise.
         options: that only this kind has.
     """
 
-    make: Callable[[str, Options, int, int], SimulatedDrive]
+    make: Callable[[_Wanted], SimulatedDrive]
     frames: int
     options: tuple[str, ...] = ()
 
 
-def _restaurant(text: str, options: Options, seed: int, frames: int) -> SimulatedDrive:
+def _restaurant(wanted: _Wanted) -> SimulatedDrive:
     from fluentboard_modules.simulation.drive import restaurant_demo_drive
 
-    return restaurant_demo_drive(seed, frames)
+    return restaurant_demo_drive(wanted.seed, wanted.frames, wanted.robot)
 
 
-def _room(text: str, options: Options, seed: int, frames: int) -> SimulatedDrive:
-    import numpy as np
-
-    from fluentboard_modules.simulation.drive import room_drive
+def _room(wanted: _Wanted) -> SimulatedDrive:
     from fluentboard_modules.simulation.rooms import furnished_room
 
-    return room_drive(furnished_room(np.random.default_rng(seed)), seed, frames)
+    return _through(furnished_room(wanted.rng()), wanted, "room", wanted.robot)
 
 
-def _table(text: str, options: Options, seed: int, frames: int) -> SimulatedDrive:
-    import numpy as np
-
+def _table(wanted: _Wanted) -> SimulatedDrive:
     from fluentboard_modules.simulation.drive import table_drive
     from fluentboard_modules.simulation.restaurant import restaurant
+    from fluentboard_modules.simulation.robots import PR2
 
-    return table_drive(restaurant(np.random.default_rng(seed)), "table1", seed, frames)
+    driver = wanted.robot if wanted.robot is not None else PR2
+    scene, height = restaurant(wanted.rng()), driver.camera_height_m
+    return table_drive(scene, "table1", wanted.seed, wanted.frames, height)
 
 
-def _tables(text: str, options: Options, seed: int, frames: int) -> SimulatedDrive:
+def _tables(wanted: _Wanted) -> SimulatedDrive:
     from fluentboard_modules.simulation.table_scenes import table_scene_drive
 
-    return table_scene_drive(whole_number(text, options, "scene", 1, least=1), seed, frames)
+    number = whole_number(wanted.text, wanted.options, "scene", 1, least=1)
+    return table_scene_drive(number, wanted.seed, wanted.frames, robot=wanted.robot)
+
+
+def _office(wanted: _Wanted) -> SimulatedDrive:
+    from fluentboard_modules.simulation.chapter3_rooms import office
+
+    return _through(office(wanted.rng()), wanted, "office", wanted.robot or _kurtana())
+
+
+def _seminar(wanted: _Wanted) -> SimulatedDrive:
+    from fluentboard_modules.simulation.chapter3_rooms import seminar_room
+
+    scene = seminar_room(wanted.rng())
+    return _through(scene, wanted, "seminar room", wanted.robot or _kurtana())
+
+
+def _search(wanted: _Wanted) -> SimulatedDrive:
+    from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
+
+    scene = hidden_pepper_mill(wanted.seed).scene
+    return _through(scene, wanted, "room with a hidden pepper mill", wanted.robot)
+
+
+def _through(scene: Scene, wanted: _Wanted, name: str, robot: RobotModel | None) -> SimulatedDrive:
+    from fluentboard_modules.simulation.drive import room_drive
+
+    return room_drive(scene, wanted.seed, wanted.frames, name=name, robot=robot)
+
+
+def _kurtana() -> RobotModel:
+    from fluentboard_modules.simulation.robots import KURTANA
+
+    return KURTANA
 
 
 _KINDS: Mapping[str, _Kind] = {
@@ -68,6 +127,9 @@ _KINDS: Mapping[str, _Kind] = {
     "room": _Kind(_room, 80),
     "table": _Kind(_table, 40),
     "tables": _Kind(_tables, 72, ("scene",)),
+    "office": _Kind(_office, 200),
+    "seminar": _Kind(_seminar, 200),
+    "search": _Kind(_search, 80),
 }
 
 SIMULATED_SCENES = tuple(f"sim:{name}" for name in _KINDS)
@@ -88,24 +150,76 @@ def simulated_drive(
     Raises:
         InvalidInput: there is no such scene or option.
     """
-    from fluentboard_modules.simulation.noise import NoiseConfig
-
     kind = _KINDS.get(scene_name)
+    if kind is None and scene_name.endswith(".json"):
+        kind = _Kind(partial(_from_file, scene_name), 80)
     if kind is None:
         raise InvalidInput(
-            f"no simulated scene is called {scene_name!r}; give {', '.join(SIMULATED_SCENES)}"
+            f"no simulated scene is called {scene_name!r}; give {', '.join(SIMULATED_SCENES)}, or "
+            "the JSON file of a scene (sim:FILE.json)"
         )
     check_options(text, options, (*_COMMON_OPTIONS, *kind.options))
     seed = whole_number(text, options, "seed", 0)
     frames = whole_number(text, options, "frames", kind.frames, least=1)
+    drive = kind.make(_Wanted(text, options, seed, frames, _robot(text, options)))
+    drive = _as_asked(drive, text, options)
+    drive = drive if start_s is None else replace(drive, start_s=start_s)
+    number = whole_number(text, options, "visit", 1, least=1)
+    if number == 1:
+        return drive
+    from fluentboard_modules.simulation.visits import visits
+
+    return visits(drive, number)[-1].drive
+
+
+def _as_asked(drive: SimulatedDrive, text: str, options: Options) -> SimulatedDrive:
+    """The drive with the wanted image width, noise and rate."""
+    from fluentboard_modules.simulation.noise import NoiseConfig
+
     width = whole_number(text, options, "width", _KINECT_WIDTH, least=16)
-    is_noisy = whole_number(text, options, "noise", 1) != 0
-    rate_hz = whole_number(text, options, "rate", 2, least=1)
-    drive = replace(
-        kind.make(text, options, seed, frames),
-        noise=NoiseConfig() if is_noisy else NoiseConfig.none(),
-        rate_hz=float(rate_hz),
-    )
+    if whole_number(text, options, "noise", 1) == 0:
+        drive = replace(drive, noise=NoiseConfig.none())
     if width != drive.camera.width:
         drive = replace(drive, camera=drive.camera.resized(width))
-    return drive if start_s is None else replace(drive, start_s=start_s)
+    return replace(drive, rate_hz=float(whole_number(text, options, "rate", 2, least=1)))
+
+
+def _from_file(path: str, wanted: _Wanted) -> SimulatedDrive:
+    """A drive through the scene of a JSON file, with a floor if it has none."""
+    from fluentboard_modules.simulation.rooms import with_floor
+    from fluentboard_modules.simulation.scene_json import load_scene
+
+    scene = load_scene(path)
+    if not scene.of_class("Floor"):
+        scene = with_floor(scene)
+    return _through(scene, wanted, Path(path).stem, wanted.robot)
+
+
+def _robot(text: str, options: Options) -> RobotModel | None:
+    from fluentboard_modules.simulation.robots import ROBOTS
+
+    name = options.get("robot")
+    if name is None:
+        return None
+    for model in ROBOTS.values():
+        if model.name.lower() == name.lower():
+            return model
+    raise InvalidInput(f"{text}: no robot is called {name!r}; give one of {', '.join(ROBOTS)}")
+
+
+def drive_of(scene: str, asked: Options, start_s: float | None = None) -> SimulatedDrive:
+    """The drive that a command is asked for: a scene as text, and further options.
+
+    Args:
+        scene: such as `restaurant`, `sim:tables?scene=3` or `world/scene.json`.
+        asked: options; none of them may stand in the text, too.
+        start_s: stamp of the first frame.
+
+    Raises:
+        InvalidInput: there is no such scene or option, or an option stands there twice.
+    """
+    place, options = split_options(scene)
+    twice = sorted(options.keys() & asked.keys())
+    if twice:
+        raise InvalidInput(f"{scene}: {twice[0]} is given twice; leave one of them out")
+    return simulated_drive(place.removeprefix("sim:"), {**options, **asked}, scene, start_s)

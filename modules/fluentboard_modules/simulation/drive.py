@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from fluentboard_modules.simulation.navigation import costmap
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.placement import support_of
 from fluentboard_modules.simulation.restaurant import RestaurantConfig, restaurant
-from fluentboard_modules.simulation.robots import PR2
+from fluentboard_modules.simulation.robots import PR2, RobotModel
 from fluentboard_modules.simulation.scene import Scene
 from fluentboard_modules.simulation.sensor import RgbdSensor
-from fluentboard_modules.simulation.trajectories import around, stops_in_room, tour
+from fluentboard_modules.simulation.trajectories import around, fewer_stops, stops_in_room, tour
 from fluentboard_modules.simulation.viewpoint import kinect_camera
+
+_CLEARANCE_M = 0.035
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,26 +88,36 @@ def room_drive(
     scene: Scene,
     seed: int,
     frames: int = 80,
-    height_m: float = PR2.camera_height_m,
+    height_m: float | None = None,
     robot_radius_m: float = 0.36,
     name: str = "room",
     camera: Camera | None = None,
     noise: NoiseConfig | None = None,
+    robot: RobotModel | None = None,
 ) -> SimulatedDrive:
     """A drive through a room past every table, chair and shelf.
 
     Args:
         scene: the room.
         seed: of the noise.
-        frames: how many; more than the room needs stops (about four per table).
-        height_m: of the camera.
-        robot_radius_m: how far to keep from obstacles.
+        frames: how many. A room has about four stops per table and two per chair and shelf; with
+            fewer frames than that, each thing is looked at from fewer sides.
+        height_m: of the camera; the robot's if not given.
+        robot_radius_m: how far to keep from obstacles; the robot's if one is given.
         name: of the drive.
         camera: a Kinect if not given.
         noise: a Kinect's if not given.
+        robot: who drives: the height of its camera and how far it tilts; a PR2 if not given.
     """
+    driver = robot if robot is not None else PR2
+    if robot is not None:
+        robot_radius_m = robot.radius_m + _CLEARANCE_M
+    height_m = driver.camera_height_m if height_m is None else height_m
     room = costmap(scene, robot_radius_m, height_m)
-    poses = tour(stops_in_room(scene, room, height_m), room, height_m, frames)
+    stops = fewer_stops(stops_in_room(scene, room, height_m), frames)
+    low, high = driver.tilt_rad
+    stops = tuple(replace(s, tilt_rad=min(max(s.tilt_rad, low), high)) for s in stops)
+    poses = tour(stops, room, height_m, frames)
     return SimulatedDrive(
         name,
         scene,
@@ -152,12 +164,15 @@ def table_drive(
     )
 
 
-def restaurant_demo_drive(seed: int = 0, frames: int = 80) -> SimulatedDrive:
+def restaurant_demo_drive(
+    seed: int = 0, frames: int = 80, robot: RobotModel | None = None
+) -> SimulatedDrive:
     """The demo: a PR2 with a Kinect drives through the restaurant of the thesis.
 
     Args:
         seed: of the restaurant and of the noise.
         frames: how many.
+        robot: another than the PR2.
     """
     scene = restaurant(np.random.default_rng(seed), RestaurantConfig())
-    return room_drive(scene, seed, frames, name="restaurant")
+    return room_drive(scene, seed, frames, name="restaurant", robot=robot)

@@ -128,7 +128,7 @@ def _reach(
 ) -> float:
     """How far from the base to look: where a fixed camera looks, or somewhere within the limits."""
     low, high = robot.tilt_rad
-    if high - low > 1e-6:
+    if high - low > 1e-6 or robot.camera_height_m < height_m + 0.1:
         return float(rng.uniform(*config.reach_m))
     return (robot.camera_height_m - height_m) / math.tan(max(low, 0.1)) + robot.camera_x_m
 

@@ -4,7 +4,7 @@ Per frame `frame-NNNNNN.depth.png` (16 bit, mm, 0 = unknown), `.color.jpg` or `.
 (registered to depth), `.pose.txt` (4x4, camera to map, metres) and `.labels.png` (16 bit, 0 =
 background). Per recording `camera-intrinsics.txt`, `gravity-direction.txt`, `stamps.txt` (seconds,
 one per frame), `recording.json` (what it is) and `truth.json` (class, pose, box, label of
-everything).
+everything), which is a scene that `load_scene` reads, its models in `meshes/` as STL in metres.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
+from fluentboard_modules.simulation.cad_writing import MESH_FOLDER, write_meshes
 from fluentboard_modules.simulation.scene import Scene
 from fluentboard_modules.simulation.scene_json import scene_to_json
 
 logger = logging.getLogger(__name__)
 
+TRUTH_FILE = "truth.json"
 DEPTH_UNITS_PER_M = 1000.0
 _MOST = 65534  # 65535 means "no measurement", as 0 does
 
@@ -80,7 +82,8 @@ def record(
     }
     _write_json(folder / "recording.json", about)
     if scene is not None:
-        _write_json(folder / "truth.json", scene_to_json(scene, meshes=False))
+        _write_json(folder / TRUTH_FILE, scene_to_json(scene, meshes=False))
+        write_meshes(scene, folder / MESH_FOLDER)
     logger.info("%s: %d frames written to %s", source.name, len(stamps), folder)
     return len(stamps)
 

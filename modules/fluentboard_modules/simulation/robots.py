@@ -185,7 +185,20 @@ TURTLEBOT = RobotModel(
     drive_start_s=2.724,
 )
 
-ROBOTS = {model.name: model for model in (PR2, CALVIN, TURTLEBOT)}
+KURTANA = RobotModel(
+    name="Kurtana",
+    radius_m=0.25,  # assumed, as all of its measures: only a picture is published (Fig. 2.7)
+    camera_height_m=1.3,
+    tilt_rad=(math.radians(15.0), math.radians(30.0)),
+    horizontal_fov_rad=0.9948,
+    vertical_fov_rad=0.7505,
+    range_m=(0.4, 5.0),
+    seconds_per_cost=0.00154359,
+    drive_start_s=5.940,
+)
+"""The robot of Chapter 3: a Kinect on a pole."""
+
+ROBOTS = {model.name: model for model in (PR2, CALVIN, TURTLEBOT, KURTANA)}
 
 
 class Robot(Protocol):

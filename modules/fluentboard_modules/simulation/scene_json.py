@@ -51,7 +51,8 @@ def scene_to_json(scene: Scene, meshes: bool = True) -> dict[str, Any]:
     Args:
         scene: what to describe.
         meshes: whether the meshes go along; without them the result is the ground truth of a
-            recording (class, pose, box and label of everything), and cannot be loaded as a scene.
+            recording (class, pose, box and label of everything), and can only be loaded as a scene
+            with the models' CAD files beside it.
     """
     models = {instance.model.name: instance.model for instance in scene.instances}
     document: dict[str, Any] = {

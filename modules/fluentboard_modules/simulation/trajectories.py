@@ -116,6 +116,25 @@ def stops_in_room(
     return tuple(found)
 
 
+def fewer_stops(stops: Sequence[Stop], most: int) -> tuple[Stop, ...]:
+    """At most so many of the stops: first one for every thing, then a second one, and so on.
+
+    The order of the stops stays. Stops of things beyond the limit are left out, and logged.
+    """
+    if len(stops) <= most:
+        return tuple(stops)
+    seen: dict[str, int] = {}
+    turns: list[tuple[int, int]] = []
+    for number, stop in enumerate(stops):
+        seen[stop.target] = seen.get(stop.target, -1) + 1
+        turns.append((seen[stop.target], number))
+    kept = sorted(number for _, number in sorted(turns)[:most])
+    missed = seen.keys() - {stops[number].target for number in kept}
+    if missed:
+        logger.warning("too few frames for a look at %s", ", ".join(sorted(missed)))
+    return tuple(stops[number] for number in kept)
+
+
 def _sides(instance: Instance) -> tuple[float, ...]:
     """Directions in the map from which to look at a thing, as seen from it."""
     front = instance.pose.yaw_rad
