@@ -38,3 +38,62 @@ class SensorModelConfig(_Settings):
             )
         )
         return hit, miss, low, high
+
+
+class BranchAndBoundConfig(_Settings):
+    """The thesis's planner; the defaults are those of the original software."""
+
+    depth_limit: int | None = Field(
+        default=2, ge=0, description="psi: from this depth on plans end greedily; null: no limit."
+    )
+    branch_limit: float | None = Field(
+        default=1.3,
+        ge=1.0,
+        description="phi: views are tried down to the best utility divided by this; null: all.",
+    )
+    prune_dominated: bool = Field(
+        default=False, description="zeta: skip views that another beats in gain and time (5.7)."
+    )
+    nodes_max: int = Field(default=200_000, ge=1, description="Search nodes; deterministic.")
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the search is exhaustive if it comes to its end."""
+        return self.depth_limit is None and self.branch_limit is None and not self.prune_dominated
+
+
+class PlannerConfig(_Settings):
+    """The default planner: iterated local search."""
+
+    rounds_max: int = Field(default=60, ge=0, description="Shakes at most.")
+    idle_rounds: int = Field(
+        default=15, ge=1, description="Shakes without an improvement after which it stops."
+    )
+    time_limit_s: float = Field(
+        default=1.5, gt=0.0, description="Ends it earlier; a plan exists long before."
+    )
+    seed: int = Field(default=0, ge=0)
+
+
+class ViewSamplingConfig(_Settings):
+    """How views are drawn and what they are taken to reveal."""
+
+    views: int = Field(default=200, ge=1, description="As in Section 5.3.")
+    rays: tuple[int, int] = Field(
+        default=(80, 60), description="Columns and rows of a view's bundle of rays."
+    )
+    unknown_occupancy: float = Field(
+        default=0.0,
+        ge=0.0,
+        lt=1.0,
+        description="Visibility prior: the probability that an unknown cell is occupied. A ray "
+        "ends when it is likelier stopped than not; 0 is the thesis: the unknown is transparent.",
+    )
+    tries_per_view: int = Field(default=300, ge=1, description="Cells drawn at most, per view.")
+    time_limit_s: float = Field(default=5.0, gt=0.0)
+    tilt_rad: tuple[float, float] | None = Field(
+        default=None, description="Narrower than the robot's own limits; null: those."
+    )
+    camera_height_m: tuple[float, float] | None = Field(
+        default=None, description="Narrower than the robot's own limits; null: those."
+    )

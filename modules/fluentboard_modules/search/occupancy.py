@@ -192,35 +192,17 @@ class OccupancyMap:
         done = 0
         while done < len(points):
             done = kernels.mark_ends(
-                points,
-                origin,
-                float(range_max_m),
-                self.resolution_m,
-                self._directory,
-                self._low,
-                self._blocks,
-                self._marks,
-                done,
-                counts,
-                ends,
-                is_hit,
-            )
+                points, origin, float(range_max_m), self.resolution_m, self._directory, self._low,
+                self._blocks, self._marks, done, counts, ends, is_hit,
+            )  # fmt: skip
             if done < len(points):
                 self._make_room(2 * len(self._blocks))
         done = 0
         while done < counts[1]:
             done = kernels.mark_rays(
-                ends,
-                is_hit,
-                origin,
-                self.resolution_m,
-                self._directory,
-                self._low,
-                self._blocks,
-                self._marks,
-                done,
-                counts,
-            )
+                ends, is_hit, origin, self.resolution_m, self._directory, self._low,
+                self._blocks, self._marks, done, counts,
+            )  # fmt: skip
             if done < counts[1]:
                 self._make_room(2 * len(self._blocks))
         self._count = int(counts[0])
@@ -339,19 +321,9 @@ class OccupancyMap:
         lengths = np.zeros(len(directions))
         outcome = np.zeros(len(directions), np.int8)
         kernels.cast(
-            origins,
-            directions,
-            float(range_max_m),
-            ignore_unknown,
-            self.resolution_m,
-            self._directory,
-            self._low,
-            self._log_odds,
-            self.summary,
-            cells,
-            lengths,
-            outcome,
-        )
+            origins, directions, float(range_max_m), ignore_unknown, self.resolution_m,
+            self._directory, self._low, self._log_odds, self.summary, cells, lengths, outcome,
+        )  # fmt: skip
         return RayHits(outcome == kernels.HIT, outcome == kernels.UNKNOWN_MET, cells, lengths)
 
     # -- room -----------------------------------------------------------------------------------

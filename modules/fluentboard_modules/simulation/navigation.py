@@ -84,7 +84,7 @@ class Costmap:
         from scipy.sparse import coo_array
 
         free = self.cost < INSCRIBED
-        price = _NEUTRAL + _FACTOR * self.cost.astype(np.float64)
+        price = _NEUTRAL + _FACTOR * self.cost.astype(np.float64)  # as in cell_prices
         number = np.arange(self.cost.size).reshape(self.cost.shape)
         heads, tails, weights = [], [], []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -145,6 +145,12 @@ class Costmap:
         return Path(points, float(costs[last]))
 
 
+def cell_prices(costmap: Costmap) -> FloatArray:
+    """`(rows, columns)`; navfn's price of every cell, infinite where the base cannot stand."""
+    price = _NEUTRAL + _FACTOR * costmap.cost.astype(np.float64)
+    return np.where(costmap.cost < INSCRIBED, price, np.inf)
+
+
 def costmap(
     scene: Scene,
     robot_radius_m: float,
@@ -161,8 +167,6 @@ def costmap(
         resolution_m: side of a cell.
         inflation_m: distance from an obstacle at which it no longer costs anything.
     """
-    from scipy.ndimage import distance_transform_edt
-
     low, high = scene.bounds
     columns, rows = (int(n) + 1 for n in np.ceil((high - low)[:2] / resolution_m))
     origin = (float(low[0]), float(low[1]))
@@ -175,6 +179,27 @@ def costmap(
         points = _surface_points(corners, 0.05, robot_height_m, 0.5 * resolution_m)
         index = np.floor((points - low[:2]) / resolution_m).astype(np.int64)
         occupied[index[:, 1].clip(0, rows - 1), index[:, 0].clip(0, columns - 1)] = True
+    return inflated(occupied, resolution_m, origin, robot_radius_m, inflation_m)
+
+
+def inflated(
+    occupied: NDArray[np.bool_],
+    resolution_m: float,
+    origin: tuple[float, float],
+    robot_radius_m: float,
+    inflation_m: float = 0.55,
+) -> Costmap:
+    """The costmap of a floor plan for a round robot.
+
+    Args:
+        occupied: `(rows, columns)`; where obstacles are; row = y.
+        resolution_m: side of a cell.
+        origin: x and y of the corner of cell (0, 0) in metres, map frame.
+        robot_radius_m: inscribed radius of the base.
+        inflation_m: distance from an obstacle at which it no longer costs anything.
+    """
+    from scipy.ndimage import distance_transform_edt
+
     distance = resolution_m * distance_transform_edt(~occupied)
     decayed = (INSCRIBED - 1) * np.exp(-_DECAY_PER_M * (distance - robot_radius_m))
     cost = np.where(distance <= inflation_m, decayed, 0.0)

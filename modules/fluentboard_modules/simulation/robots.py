@@ -18,7 +18,8 @@ from fluentboard.model.geometry import Transform
 from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 from fluentboard_modules.simulation.viewpoint import optical_pose
 
-_DRIVES_FROM_M = 0.05  # HORIZONTAL_TOLERANCE of the original agents: below it the base stays
+DRIVES_FROM_M = 0.05
+"""HORIZONTAL_TOLERANCE of the original agents: a goal that near leaves the base where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,7 @@ class RobotModel(BaseModel):
         """
         seconds = 0.0
         turn = abs(math.remainder(goal.yaw_rad - start.yaw_rad, 2.0 * math.pi))
-        if math.hypot(goal.x - start.x, goal.y - start.y) > _DRIVES_FROM_M:
+        if math.hypot(goal.x - start.x, goal.y - start.y) > DRIVES_FROM_M:
             seconds += self.seconds_per_cost * path_cost + self.drive_start_s
         else:
             seconds += turn / self.turn_rad_s

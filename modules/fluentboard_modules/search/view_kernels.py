@@ -1,0 +1,289 @@
+"""Compiled loops of view sampling: poses by interval propagation, and what rays reveal."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from fluentboard_modules.search.occupancy_kernels import (
+    block_at,
+    cell_in_block,
+    cells_to_border,
+    first_border,
+    sign,
+    steps_before,
+)
+from fluentboard_modules.search.plan_kernels import uniform
+
+_jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+OCCUPIED_BIT, UNKNOWN_BIT, WANTED_BIT = 1, 2, 4
+CANDIDATE_COLUMNS = 6
+
+
+@_jit
+def sample_poses(
+    centres: Any,
+    normals: Any,
+    heights: Any,
+    tilts: Any,
+    ranges: Any,
+    camera_x: float,
+    costs: Any,
+    resolution: float,
+    corner: Any,
+    tries: int,
+    seed: Any,
+    poses: Any,
+    targets: Any,
+) -> Any:
+    """Sensor poses that look at frontier cells and obey all constraints of Section 5.2.1.
+
+    The height difference, the distance and the azimuth are drawn one after the other, each from
+    the interval that the constraints and the earlier draws leave: sensor range, camera height,
+    pitch, and the side of the frontier's plane. Only where the base may stand is left to trial.
+
+    Args:
+        centres: `(n, 3)`; frontier cells.
+        normals: `(n, 3)`; towards the known side.
+        heights: `(2,)`; of the camera.
+        tilts: `(2,)`; of the line of sight, positive downwards.
+        ranges: `(2,)`; of the sensor.
+        camera_x: of the camera ahead of the base.
+        costs: `(rows, columns)`; path costs from where the robot is, infinite where it cannot go.
+        resolution: of `costs`.
+        corner: `(2,)`; of `costs`.
+        tries: how many cells to draw at most.
+        seed: `(1,)` uint64; state of the random numbers.
+        poses: `(m, 6)`; filled with base x, base y, camera height, azimuth, tilt, distance.
+        targets: `(m,)`; filled with the numbers of the cells aimed at.
+
+    Returns:
+        How many poses were found and how many cells were drawn.
+    """
+    found = 0
+    drawn = 0
+    while found < poses.shape[0] and drawn < tries:
+        drawn += 1
+        f = int(uniform(seed) * centres.shape[0])
+        nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
+        # Height difference: the torso's reach, cut to what range and pitch allow.
+        low = max(heights[0] - centres[f, 2], _lowest(ranges, tilts[0]))
+        high = min(heights[1] - centres[f, 2], _highest(ranges, tilts[1]))
+        if low > high:
+            continue
+        dz = low + uniform(seed) * (high - low)
+        # Distance over ground: range and pitch, given the height difference.
+        near = math.sqrt(max(0.0, ranges[0] * ranges[0] - dz * dz))
+        far = math.sqrt(max(0.0, ranges[1] * ranges[1] - dz * dz))
+        if dz > 0.0:
+            if tilts[1] <= 0.0:
+                continue
+            if tilts[1] < 1.5707:
+                near = max(near, dz / math.tan(tilts[1]))
+            if tilts[0] > 0.0:
+                far = min(far, dz / math.tan(tilts[0]))
+        elif dz < 0.0:
+            if tilts[0] >= 0.0:
+                continue
+            if tilts[0] > -1.5707:
+                near = max(near, dz / math.tan(tilts[0]))
+            if tilts[1] < 0.0:
+                far = min(far, dz / math.tan(tilts[1]))
+        elif tilts[0] > 0.0 or tilts[1] < 0.0:
+            continue
+        if near > far:
+            continue
+        # Uniform in area.
+        away = math.sqrt(near * near + uniform(seed) * (far * far - near * near))
+        # Azimuth of the sensor as seen from the cell: on the normal's side.
+        across = math.hypot(nx, ny) * away
+        middle = math.atan2(ny, nx)
+        if across > 1e-9:
+            cosine = -nz * dz / across
+            if cosine >= 1.0:
+                continue
+            half = math.pi if cosine <= -1.0 else math.acos(cosine)
+        elif nz * dz < 0.0:
+            continue
+        else:
+            half = math.pi
+        azimuth = middle + (2.0 * uniform(seed) - 1.0) * half
+        c, s = math.cos(azimuth), math.sin(azimuth)
+        # The camera looks back along the azimuth; the base is `camera_x` behind it.
+        x = centres[f, 0] + (away + camera_x) * c
+        y = centres[f, 1] + (away + camera_x) * s
+        row = math.floor((y - corner[1]) / resolution)
+        column = math.floor((x - corner[0]) / resolution)
+        if row < 0 or column < 0 or row >= costs.shape[0] or column >= costs.shape[1]:
+            continue
+        if not costs[row, column] < np.inf:
+            continue
+        poses[found, 0] = x
+        poses[found, 1] = y
+        poses[found, 2] = centres[f, 2] + dz
+        poses[found, 3] = math.atan2(-s, -c)
+        poses[found, 4] = math.atan2(dz, away)
+        poses[found, 5] = math.hypot(away, dz)
+        targets[found] = f
+        found += 1
+    return found, drawn
+
+
+@_jit
+def _lowest(ranges: Any, tilt: float) -> float:
+    """The least height difference that a pitch allows at any range."""
+    return min(ranges[0] * math.sin(tilt), ranges[1] * math.sin(tilt))
+
+
+@_jit
+def _highest(ranges: Any, tilt: float) -> float:
+    return max(ranges[0] * math.sin(tilt), ranges[1] * math.sin(tilt))
+
+
+@_jit
+def block_content(log_odds: Any, numbers: Any, content: Any) -> None:
+    """Per block, which of the three bits above apply to it."""
+    for b in range(log_odds.shape[0]):
+        found = 0
+        for c in range(512):
+            value = log_odds[b, c]
+            if value >= 0.0:
+                found |= OCCUPIED_BIT
+            elif value != value:
+                found |= UNKNOWN_BIT
+            if numbers[b, c] >= 0:
+                found |= WANTED_BIT
+        content[b] = found
+
+
+@_jit
+def number_cells(directory: Any, low: Any, cells: Any, numbers: Any, numbering: Any) -> None:
+    """Enters numbers of cells into a per-block table."""
+    for n in range(cells.shape[0]):
+        i, j, k = cells[n, 0], cells[n, 1], cells[n, 2]
+        b = block_at(directory, low, i >> 3, j >> 3, k >> 3)
+        numbers[b, cell_in_block(i, j, k)] = numbering[n]
+
+
+@_jit
+def reveal(
+    origin: Any,
+    rotation: Any,
+    rays: Any,
+    range_min: float,
+    range_max: float,
+    unknown_max: int,
+    resolution: float,
+    directory: Any,
+    low: Any,
+    log_odds: Any,
+    numbers: Any,
+    content: Any,
+    stamp: Any,
+    mark: int,
+    out: Any,
+) -> int:
+    """Numbers of the wanted cells that a bundle of rays traverses, each once.
+
+    A ray ends at an occupied cell, at its range, or after `unknown_max` unknown cells.
+
+    Args:
+        origin: `(3,)`; of the sensor.
+        rotation: `(3, 3)`; sensor to map.
+        rays: `(n, 3)`; unit directions in the sensor frame.
+        range_min: nearer cells are not seen.
+        range_max: how far rays go.
+        unknown_max: how many unknown cells a ray passes.
+        resolution: of the map.
+        directory: of the map.
+        low: of the map.
+        log_odds: of the map.
+        numbers: `(blocks, 512)`; number of each wanted cell, -1 for the others.
+        content: `(blocks,)`; see `block_content`.
+        stamp: `(cells,)`; last mark of each cell.
+        mark: of this view.
+        out: room for the numbers.
+
+    Returns:
+        How many there are.
+    """
+    count = 0
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    x0 = math.floor(ox / resolution)
+    y0 = math.floor(oy / resolution)
+    z0 = math.floor(oz / resolution)
+    b0 = block_at(directory, low, x0 >> 3, y0 >> 3, z0 >> 3)
+    limited = unknown_max < 1_000_000
+    for r in range(rays.shape[0]):
+        ux = rotation[0, 0] * rays[r, 0] + rotation[0, 1] * rays[r, 1] + rotation[0, 2] * rays[r, 2]
+        uy = rotation[1, 0] * rays[r, 0] + rotation[1, 1] * rays[r, 1] + rotation[1, 2] * rays[r, 2]
+        uz = rotation[2, 0] * rays[r, 0] + rotation[2, 1] * rays[r, 1] + rotation[2, 2] * rays[r, 2]
+        x, y, z = x0, y0, z0
+        sx, sy, sz = sign(ux), sign(uy), sign(uz)
+        tx = first_border(ox, ux, x, resolution)
+        ty = first_border(oy, uy, y, resolution)
+        tz = first_border(oz, uz, z, resolution)
+        dx = resolution / abs(ux) if sx != 0 else np.inf
+        dy = resolution / abs(uy) if sy != 0 else np.inf
+        dz = resolution / abs(uz) if sz != 0 else np.inf
+        bx, by, bz = x >> 3, y >> 3, z >> 3
+        b = b0
+        travelled = 0.0
+        passed = 0
+        while travelled <= range_max:
+            inside = UNKNOWN_BIT if b < 0 else content[b]
+            if inside & (OCCUPIED_BIT | WANTED_BIT) == 0 and not (limited and inside & UNKNOWN_BIT):
+                # Nothing to stop at and nothing to see: leave the block at once.
+                ex = tx + (cells_to_border(x, sx) - 1) * dx if sx != 0 else np.inf
+                ey = ty + (cells_to_border(y, sy) - 1) * dy if sy != 0 else np.inf
+                ez = tz + (cells_to_border(z, sz) - 1) * dz if sz != 0 else np.inf
+                travelled = min(ex, ey, ez)
+                kx = cells_to_border(x, sx) if ex == travelled else steps_before(travelled, tx, dx)
+                ky = cells_to_border(y, sy) if ey == travelled else steps_before(travelled, ty, dy)
+                kz = cells_to_border(z, sz) if ez == travelled else steps_before(travelled, tz, dz)
+                if kx > 0:
+                    x += sx * kx
+                    tx += kx * dx
+                if ky > 0:
+                    y += sy * ky
+                    ty += ky * dy
+                if kz > 0:
+                    z += sz * kz
+                    tz += kz * dz
+            else:
+                if b >= 0:
+                    c = cell_in_block(x, y, z)
+                    value = log_odds[b, c]
+                    if value >= 0.0:
+                        break
+                    number = numbers[b, c]
+                    if number >= 0 and travelled >= range_min and stamp[number] != mark:
+                        stamp[number] = mark
+                        out[count] = number
+                        count += 1
+                    if value != value:
+                        passed += 1
+                else:
+                    passed += 1
+                if passed > unknown_max:
+                    break
+                if tx < ty and tx < tz:
+                    travelled = tx
+                    x += sx
+                    tx += dx
+                elif ty < tz and not tx < ty:
+                    travelled = ty
+                    y += sy
+                    ty += dy
+                else:
+                    travelled = tz
+                    z += sz
+                    tz += dz
+            if x >> 3 != bx or y >> 3 != by or z >> 3 != bz:
+                bx, by, bz = x >> 3, y >> 3, z >> 3
+                b = block_at(directory, low, bx, by, bz)
+    return count
