@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.search.config import BranchAndBoundConfig, PlannerConfig
 from fluentboard_modules.search.planners import BranchAndBound, Greedy, IteratedLocalSearch
 from fluentboard_modules.search.planning import (
@@ -44,7 +45,7 @@ def random_problem(
         for v in range(views)
     ]
     ptr = np.concatenate([[0], np.cumsum([len(c) for c in lists])]).astype(np.int64)
-    times = 2.0 * np.linalg.norm(place[:, None] - place[None], axis=-1) + 8.0
+    times: FloatArray = 2.0 * np.linalg.norm(place[:, None] - place[None], axis=-1) + 8.0
     if not symmetric:
         times *= rng.uniform(0.7, 1.3, times.shape)
     return PlanningProblem(
