@@ -82,6 +82,7 @@ class Anchor:
         belief: of the context model; None without one.
         empty_looks: frames in a row that saw its place empty.
         is_held: whether a gripper holds it: its place on the table says nothing then.
+        is_adrift: whether a gripper has put it down, nobody knows where.
         is_external: whether another author introduced it (Find).
     """
 
@@ -100,6 +101,7 @@ class Anchor:
     belief: ContextBelief | None = None
     empty_looks: int = 0
     is_held: bool = False
+    is_adrift: bool = False
     is_external: bool = False
 
     @property
@@ -233,4 +235,5 @@ def _observed(anchor: Anchor, detection: Detection, config: FilterConfig) -> Anc
         track_id=cluster.track_id,
         support=cluster.support or anchor.support,
         empty_looks=0,
+        is_adrift=False,
     )

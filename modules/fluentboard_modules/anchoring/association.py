@@ -67,11 +67,11 @@ def gated_mismatch(
         return cost
     places = np.array([(a.box.pose.x, a.box.pose.y, a.box.pose.z) for a in anchors])
     tree = cKDTree(places)
+    adrift = [j for j, anchor in enumerate(anchors) if anchor.is_adrift]
     for i, thing in enumerate(objects):
         pose = thing.box.pose
-        near = tree.query_ball_point((pose.x, pose.y, pose.z), gate_m)
+        near = sorted({*tree.query_ball_point((pose.x, pose.y, pose.z), gate_m), *adrift})
         if near:
-            near = sorted(near)
             cost[i, near] = model.mismatch([thing], [anchors[j] for j in near])[0]
     return cost
 

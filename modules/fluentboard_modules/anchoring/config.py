@@ -278,6 +278,21 @@ class UpdateConfig(_Settings):
     evidence_s: float = Field(
         default=10.0, ge=0.0, description="Class evidence is renewed no more often than this."
     )
+    class_probability: float = Field(
+        default=0.4, ge=0.0, le=1.0, description="Less sure objects are of `unknown_class`."
+    )
+    unknown_class: str = Field(
+        default="PersonalItem", description="Class of objects that no class fits."
+    )
+    reclassify_probability: float = Field(
+        default=0.95,
+        gt=0.0,
+        le=1.0,
+        description="A fluent gives way to one of another class if that is so probable.",
+    )
+    reclassify_frames: int = Field(
+        default=15, ge=0, description="And was in so many frames in a row; 0 never does."
+    )
 
 
 class RecognitionConfig(_Settings):

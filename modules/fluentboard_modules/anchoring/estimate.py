@@ -78,6 +78,11 @@ class BoxEstimate:
         long, short, tall = (float(value) for value in self.size)
         return BoundingBox(Pose.from_rpy(x, y, z, yaw=self.yaw_rad), long, short, tall)
 
+    @property
+    def largest_sigma_m(self) -> float:
+        """Standard deviation of the centre in the direction in which it is known worst."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
+
     def sigma_m(self, config: FilterConfig) -> FloatArray:
         """`(3,)`; standard deviation of the centre, with the error of the camera's place."""
         return np.sqrt(np.diag(self.covariance) + config.pose_sigma_m**2)

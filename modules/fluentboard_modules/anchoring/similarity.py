@@ -43,6 +43,7 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 
 _FORMAT = "fluentboard-mismatch-1"
 _DEFAULT = "mismatch.json"
+_ADRIFT_M = 0.10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,11 +55,14 @@ class Appearance:
         confidence: `(k,)`; of local recognition.
         is_part: whether a part of it may be hidden; then the distance to a larger object is the
             least over all places that the hidden part may have.
+        is_adrift: whether nobody knows where it is; then it is `_ADRIFT_M` away from everything,
+            and only the look of it counts.
     """
 
     box: BoundingBox
     confidence: FloatArray
     is_part: bool = False
+    is_adrift: bool = False
 
 
 def pair_features(
@@ -113,7 +117,9 @@ def _distances(first: Sequence[Appearance], second: Sequence[Appearance]) -> Flo
             room = np.maximum(0.0, 0.5 * (whole.box.sizes - thing.box.sizes))
             local = away[i, j] @ turn
             away[i, j] = np.sign(local) * np.maximum(0.0, np.abs(local) - room)
-    return np.linalg.norm(away, axis=-1)
+    distances = np.linalg.norm(away, axis=-1)
+    distances[:, [anchor.is_adrift for anchor in second]] = _ADRIFT_M
+    return distances
 
 
 _SQUARED = {

@@ -191,7 +191,7 @@ class World:
         candidates = [a for a in self.anchors if not a.is_tracked and not a.is_held]
         cost = gated_mismatch(
             [_appearance_of(d) for d in new],
-            [Appearance(a.box, a.confidence) for a in candidates],
+            [Appearance(a.box, a.confidence, is_adrift=a.is_adrift) for a in candidates],
             self._mismatch,
             self._config.association.gate_m,
         )
@@ -274,7 +274,7 @@ class World:
         decisions: list[Decision] = []
         tracked = [a for a in self._anchors.values() if a.is_tracked]
         for anchor in self.anchors:
-            if anchor.is_tracked or anchor.is_held:
+            if anchor.is_tracked or anchor.is_held or anchor.is_adrift:
                 self._looks.pop(anchor.identifier, None)
                 continue
             look = look_at(anchor.box, frame.depth_m, frame.camera, frame.T_map_sensor, config)

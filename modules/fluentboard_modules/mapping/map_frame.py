@@ -111,7 +111,7 @@ def map_frame_fluents(
         known: the MapFrame fluents on the board, by name.
         poses: the open Pose fluents on the board, by name.
     """
-    stem = re.sub(r"\W+", "_", Path(source).name) or "recording"
+    stem = _stem(source)
     name = f"mapFrame_{stem}"
     pose = Pose.from_transform(T_map_world)
     frame = known.get(name)
@@ -129,6 +129,26 @@ def map_frame_fluents(
         pose_fluent(pose_name, pose, UNKNOWN),
         Fluent(name, "MapFrame", UNKNOWN, UNKNOWN, properties),
     ]
+
+
+def written_map_frame(
+    source: str, known: Mapping[str, Fluent], poses: Mapping[str, Fluent]
+) -> Transform | None:
+    """`T_map_world` of a recording as the board has it; None if the board has none.
+
+    Args:
+        source: name of the recording.
+        known: the MapFrame fluents on the board, by name.
+        poses: the open Pose fluents on the board, by name.
+    """
+    frame = known.get(f"mapFrame_{_stem(source)}")
+    names = [str(value) for value in frame.values("hasPose")] if frame else []
+    written = [poses[name] for name in names if name in poses]
+    return pose_of(written[-1]).to_transform() if written else None
+
+
+def _stem(source: str) -> str:
+    return re.sub(r"\W+", "_", Path(source).name) or "recording"
 
 
 def _is_same(a: Pose, b: Pose) -> bool:
