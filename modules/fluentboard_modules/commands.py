@@ -50,6 +50,11 @@ def register(app: typer.Typer) -> None:
         epilog="Examples:\n\nfluentboard work mapping --frames ./kitchen --plot pictures\n\n"
         "fluentboard work mapping --frames simulated-restaurant:7 -b http://robot1:8080",
     )(work_mapping)
+    work.command(
+        "anchoring",
+        epilog="Examples:\n\nfluentboard work anchoring --frames ./kitchen --plot pictures\n\n"
+        "fluentboard work anchoring --frames 'sim:table?seed=3' --association murty",
+    )(work_anchoring)
     app.add_typer(work, name="work")
     evaluate = typer.Typer(
         help="Measure a perception module against the truth.", no_args_is_help=True
@@ -107,6 +112,82 @@ def work_mapping(
     typer.echo(
         f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "
         f"written, commit {report.commit}" + (" (stopped)" if report.was_stopped else ""),
+        err=True,
+    )
+
+
+def work_anchoring(
+    frames: Frames,
+    board: Board = DEFAULT_BOARD,
+    gravity: Gravity = None,
+    start: Start = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Draw the anchors over the frames there.")
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Settings as YAML; see docs/configuration.md."),
+    ] = None,
+    recogniser: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="A trained recogniser. Default: geometric, by size and shape."
+        ),
+    ] = None,
+    context: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="A trained context model (CRF). Default: none."),
+    ] = None,
+    mismatch: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="A trained mismatch. Default: the built-in one."),
+    ] = None,
+    association: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METHOD",
+            help="gnn (one assignment with discover columns; the default), nn, thesis (Algorithm "
+            "4.1 as printed) or murty (k best).",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the samples by which tops are found.")] = 0,
+    token: Token = None,
+    verbose: Verbose = False,
+) -> None:
+    """Anchor the objects on tables: each gets a name and keeps it.
+
+    Writes objects with poses, boxes, the placing areas that they stand on, and the evidence for
+    every decision. Objects that the board knows keep their names; what others write about objects,
+    such as that a gripper holds one, is honoured. Waits for the board if it is away. Ends with the
+    recording, or cleanly at SIGTERM and Ctrl-C.
+    """
+    log_to_stderr(verbose)
+    with needs_extra("anchoring"):
+        from fluentboard_modules.anchoring.settings import read_settings
+        from fluentboard_modules.anchoring.worker import run_anchoring
+        from fluentboard_modules.map_placing import open_placed
+    settings = read_settings(
+        config,
+        {
+            "recognition.recogniser": recogniser,
+            "recognition.context": context,
+            "world.association.model": mismatch,
+            "world.association.method": association,
+        },
+    )
+    placed = open_placed(frames, board, gravity=gravity, start_s=start, token=token)
+    report = run_anchoring(
+        placed.source,
+        board,
+        config=settings,
+        first=placed.first,
+        plot=plot,
+        seed=seed,
+        token=token,
+    )
+    typer.echo(
+        f"anchoring: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} "
+        f"commands written, commit {report.commit}" + (" (stopped)" if report.was_stopped else ""),
         err=True,
     )
 

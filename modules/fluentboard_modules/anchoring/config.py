@@ -95,6 +95,7 @@ class SegmentationConfig(_Settings):
     rim_m: float = Field(
         default=0.03, ge=0.0, description="Flat clusters within so narrow a rim are the edge."
     )
+    rim_sigma: float = Field(default=8.0, ge=0.0, description="Noise of height that adds to it.")
     join_m: float = Field(
         default=0.012, gt=0.0, description="Step in depth between neighbours of one object."
     )
@@ -279,7 +280,7 @@ class UpdateConfig(_Settings):
         default=10.0, ge=0.0, description="Class evidence is renewed no more often than this."
     )
     class_probability: float = Field(
-        default=0.4, ge=0.0, le=1.0, description="Less sure objects are of `unknown_class`."
+        default=0.35, ge=0.0, le=1.0, description="Less sure objects are of `unknown_class`."
     )
     unknown_class: str = Field(
         default="PersonalItem", description="Class of objects that no class fits."

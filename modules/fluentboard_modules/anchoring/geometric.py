@@ -28,10 +28,12 @@ class TypicalSize:
 
 
 TYPICAL_SIZES = (
+    TypicalSize("Box", 0.32, 0.22, 0.11),
     TypicalSize("CoffeeJug", 0.20, 0.15, 0.20),
-    TypicalSize("Dish", 0.22, 0.21, 0.025),
+    TypicalSize("Dish", 0.22, 0.21, 0.03),
     TypicalSize("Fork", 0.19, 0.025, 0.015),
     TypicalSize("Knife", 0.22, 0.022, 0.014),
+    TypicalSize("Magazine", 0.29, 0.21, 0.015),
     TypicalSize("MilkPot", 0.095, 0.07, 0.095),
     TypicalSize("Mug", 0.105, 0.082, 0.092),
     TypicalSize("Spoon", 0.18, 0.035, 0.017),

@@ -138,8 +138,10 @@ def _label(
     picture: NDArray[np.uint8], text: str, place: NDArray[np.int32], colour: tuple[int, int, int]
 ) -> None:
     x, y = (int(value) for value in place)
-    for shade, width in (((0, 0, 0), 4), (colour, 1)):
-        cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.5, shade, width, cv2.LINE_AA)
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.7
+    (width, height), _ = cv2.getTextSize(text, font, size, 2)
+    cv2.rectangle(picture, (x - 2, y - height - 4), (x + width + 2, y + 4), (0, 0, 0), cv2.FILLED)
+    cv2.putText(picture, text, (x, y), font, size, colour, 2, cv2.LINE_AA)
 
 
 def _sheet(pictures: Sequence[NDArray[np.uint8]], columns: int = 4) -> NDArray[np.uint8]:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring.config import RecognitionConfig
+from fluentboard_modules.anchoring.context_model import CrfContextModel
+from fluentboard_modules.anchoring.crf_files import load_crf
 from fluentboard_modules.anchoring.geometric import GeometricRecogniser
 from fluentboard_modules.anchoring.observation import ContextModel, Recogniser
 
@@ -32,4 +34,5 @@ def context_of(config: RecognitionConfig, recogniser: Recogniser) -> ContextMode
     """
     if config.context is None:
         return None
-    raise InvalidInput(f"{Path(config.context)}: no context model for {recogniser.classes}")
+    model, graph = load_crf(Path(config.context), recogniser.classes)
+    return CrfContextModel(model, graph)

@@ -123,7 +123,7 @@ def _cluster(
         tall -= _surroundings(mask, points, kind, top)
         if tall < config.height_min_m + config.height_min_sigma * sigma:
             return None
-        if top.raster.borders(cloud, config.rim_m):
+        if top.raster.borders(cloud, config.rim_m + config.rim_sigma * sigma):
             return None
     if rise.min() > 0.10:  # floats: a part of something that stands elsewhere
         return None
