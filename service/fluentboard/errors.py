@@ -221,6 +221,13 @@ class StorageFailed(FluentboardError):
     http_status = 507
 
 
+class UnexpectedCommit(StorageFailed):
+    """Another writer appended to the journal first; nothing was stored."""
+
+    code = "unexpected-commit"
+    http_status = 409
+
+
 class BoardUnreachable(FluentboardError):
     """The client cannot reach the board."""
 

@@ -26,10 +26,12 @@ from fluentboard.board.commands import (
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.graphs import Graphs
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
-from fluentboard.board.journal import Durability, SqliteJournal
+from fluentboard.board.journal import CommitLog, Durability, Journal
 from fluentboard.board.listing import Listing, Page
+from fluentboard.board.mirrored_journal import MirroredJournal
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
+from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
 from fluentboard.board.time_view import Perspective
@@ -93,6 +95,7 @@ class Blackboard:
         ontologies: Sequence[Path] = (),
         clock: Clock | None = None,
         builtin_ontologies: bool = True,
+        log: CommitLog | None = None,
     ) -> Blackboard:
         """Opens a board, recovers it if need be, and loads its ontologies.
 
@@ -102,6 +105,8 @@ class Blackboard:
             ontologies: Turtle or RDF/XML files to load on top.
             clock: where transaction times and `now` come from; the system by default.
             builtin_ontologies: load `upper`, `race` and `furniture`.
+            log: where commits are kept, such as a replicated log; the journal in `data` is then a
+                mirror of it. None makes that journal the truth itself.
 
         Raises:
             StorageFailed: the folder is in use, damaged or not writable.
@@ -110,8 +115,11 @@ class Blackboard:
         clock = clock or SystemClock()
         if data is not None:
             _make_folder(data)
-        journal = SqliteJournal(data and data / "journal.sqlite", durability)
+        own = SqliteJournal(data and data / "journal.sqlite", durability)
+        journal: Journal = own
         try:
+            if log is not None:
+                journal = MirroredJournal(log, own)
             store = EmbeddedStore(data and data / "store")
             projections = Projections(journal, store, IntervalIndex(), durability)
             projections.recover()

@@ -1,69 +1,25 @@
-"""The journal: an append-only log of commits, the truth that every projection is rebuilt from.
+"""The journal as the board sees it: an append-only log of commits, and the look-ups on it.
 
-SQLite in WAL mode. With durability "disk" each append is fsynced before it returns. A row of
-`changes` holds what the commit added to one fluent, so a fluent's present state is the fold of its
-rows, and its state at any earlier commit the fold of the earlier ones.
+`CommitLog` is all that a place to keep commits has to offer: append after an expected commit, read
+from a commit on, tail. `Journal` adds what the board looks up in it. `SqliteJournal` is both; any
+other log becomes a journal by `MirroredJournal`, which keeps a local SQLite mirror of it.
 """
 
 from __future__ import annotations
 
-import sqlite3
-import threading
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from itertools import groupby
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
 
-import orjson
-
-from fluentboard.board.events import (
-    Commit,
-    FluentAdded,
-    FluentCorrected,
-    FluentEnded,
-    FluentEvent,
-    FluentRefined,
-    StatementsChanged,
-)
-from fluentboard.errors import StorageFailed, UnknownFluent
-from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.interval import UNKNOWN, Interval
+from fluentboard.board.events import Commit, StatementsChanged
+from fluentboard.model.fluent import Fluent
 
 Durability = Literal["disk", "process"]
-
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS commits (
-    number INTEGER PRIMARY KEY, wall_s REAL NOT NULL, author TEXT NOT NULL, reason TEXT NOT NULL,
-    idempotency_key TEXT, digest TEXT);
-CREATE UNIQUE INDEX IF NOT EXISTS commits_key ON commits (idempotency_key)
-    WHERE idempotency_key IS NOT NULL;
-CREATE TABLE IF NOT EXISTS changes (
-    commit_number INTEGER NOT NULL, position INTEGER NOT NULL, kind TEXT NOT NULL,
-    name TEXT NOT NULL, class TEXT NOT NULL, s1 REAL, s2 REAL, f1 REAL, f2 REAL,
-    properties BLOB NOT NULL, PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS changes_name ON changes (name, commit_number);
-CREATE INDEX IF NOT EXISTS changes_corrected ON changes (commit_number, name)
-    WHERE kind = 'corrected';
-CREATE TABLE IF NOT EXISTS statements (
-    commit_number INTEGER NOT NULL, position INTEGER NOT NULL, graph TEXT NOT NULL,
-    ontology TEXT NOT NULL, digest TEXT NOT NULL, added TEXT NOT NULL, removed TEXT NOT NULL,
-    graph_event TEXT NOT NULL, PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
-"""
-_VERSION = 2
-_STATEMENT_COLUMNS = "graph, added, removed, ontology, digest, graph_event"
-_COLUMNS = (
-    "c.commit_number, c.kind, c.name, c.class, c.s1, c.s2, c.f1, c.f2, c.properties, m.author"
-)
-_CHANGES = f"SELECT {_COLUMNS} FROM changes c JOIN commits m ON m.number = c.commit_number"
-
-_Row = tuple[int, str, str, str, Any, Any, Any, Any, bytes, str]
 
 
 @dataclass(frozen=True, slots=True)
 class KeyedCommit:
-    """A commit to be appended, with the idempotency key of the request that asked for it.
+    """A commit as the log keeps it, with the idempotency key of the request that asked for it.
 
     Attributes:
         commit: what to append.
@@ -76,118 +32,58 @@ class KeyedCommit:
     digest: str | None = None
 
 
-class SqliteJournal:
-    """The journal in one SQLite file. One writer, any number of readers.
+class CommitLog(Protocol):
+    """A place where commits are kept for good. Safe to use from any thread.
 
-    Args:
-        path: the file, created if missing; None keeps the journal in memory.
-        durability: "disk" fsyncs each append; "process" survives a crash of the process only.
-
-    Raises:
-        StorageFailed: the file cannot be opened or is not a journal of this version.
+    What `append` has returned for is never lost and never changes; every reader sees the same
+    commits in the same order. Whether it survives the process or the machine, the implementation
+    says.
     """
-
-    def __init__(self, path: Path | None, durability: Durability = "disk") -> None:
-        self._path = path
-        self.waits_for_disk = path is not None and durability == "disk"
-        self._local = threading.local()
-        self._connections: list[sqlite3.Connection] = []
-        self._guard = threading.Lock()
-        # In memory there is one connection for all threads, so reads and appends take turns.
-        self._exclusive = threading.Lock() if path is None else nullcontext()
-        try:
-            self._writer = self._connect()
-            self._writer.execute(
-                f"PRAGMA synchronous = {'FULL' if durability == 'disk' else 'NORMAL'}"
-            )
-            (version,) = self._writer.execute("PRAGMA user_version").fetchone()
-            if version == 1:
-                self._writer.execute(
-                    "ALTER TABLE statements ADD COLUMN graph_event TEXT NOT NULL DEFAULT ''"
-                )
-            elif version not in (0, _VERSION):
-                raise StorageFailed(
-                    f"journal {path} has format {version}, this fluentboard reads {_VERSION}; use "
-                    "the version that wrote it"
-                )
-            self._writer.executescript(_SCHEMA)
-            self._writer.execute(f"PRAGMA user_version = {_VERSION}")
-        except sqlite3.Error as problem:
-            raise StorageFailed(f"cannot open the journal {path}: {problem}") from None
-        (self._last,) = self._writer.execute(
-            "SELECT coalesce(max(number), 0) FROM commits"
-        ).fetchone()
 
     @property
     def last(self) -> int:
         """Number of the last commit, 0 if there is none."""
-        return self._last
+        ...
 
-    def append(self, commits: Sequence[KeyedCommit]) -> None:
-        """Adds commits, all or none; durable when it returns.
+    def append(self, entries: Sequence[KeyedCommit], *, expected: int) -> None:
+        """Adds commits, all or none; they are kept when it returns.
 
         Args:
-            commits: numbered without gap from `last + 1` on.
+            entries: numbered without gap from `expected + 1` on.
+            expected: number of the last commit that the caller has seen.
 
         Raises:
-            StorageFailed: the disk is full or broken, or the numbers do not follow; nothing was
-                stored.
+            UnexpectedCommit: the log goes on beyond `expected`, or is not there yet; nothing was
+                stored. Read on and decide again.
+            StorageFailed: the log cannot be written; nothing was stored.
         """
-        expected = range(self._last + 1, self._last + 1 + len(commits))
-        if [entry.commit.number for entry in commits] != list(expected):
-            raise StorageFailed(
-                f"commits do not follow number {self._last}; is there a second writer?"
-            )
-        with self._exclusive:
-            self._append(commits)
-        self._last += len(commits)
+        ...
 
-    def _append(self, commits: Sequence[KeyedCommit]) -> None:
-        connection = self._writer
-        try:
-            connection.execute("BEGIN IMMEDIATE")
-            connection.executemany(
-                "INSERT INTO commits VALUES (?, ?, ?, ?, ?, ?)",
-                [
-                    (c.number, c.wall_s, c.author, c.reason, entry.key, entry.digest)
-                    for entry in commits
-                    for c in (entry.commit,)
-                ],
-            )
-            connection.executemany(
-                "INSERT INTO changes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                [
-                    _encoded(entry.commit.number, position, event)
-                    for entry in commits
-                    for position, event in enumerate(entry.commit.events)
-                ],
-            )
-            said = [
-                (
-                    entry.commit.number,
-                    position,
-                    change.graph,
-                    change.ontology,
-                    change.digest,
-                    change.added,
-                    change.removed,
-                    change.graph_event,
-                )
-                for entry in commits
-                for position, change in enumerate(entry.commit.statements)
-            ]
-            if said:
-                connection.executemany(
-                    "INSERT INTO statements VALUES (?, ?, ?, ?, ?, ?, ?, ?)", said
-                )
-            connection.execute("COMMIT")
-        except sqlite3.Error as problem:
-            if connection.in_transaction:
-                connection.execute("ROLLBACK")
-            raise StorageFailed(
-                f"the journal cannot be written: {problem}; nothing was stored. Free disk space in "
-                f"{self._path.parent if self._path else 'memory'} and repeat the request"
-            ) from None
+    def read(self, after: int, up_to: int | None = None) -> Iterator[KeyedCommit]:
+        """The commits with numbers in (after, up_to] that are there by now, in order."""
+        ...
+
+    def tail(self, after: int, *, patience_s: float | None = None) -> Iterator[KeyedCommit]:
+        """The commits after a number, in order, waiting for those that are still to come.
+
+        Args:
+            after: number of the last commit that the caller has seen.
+            patience_s: ends when nothing came for so long; None waits until the log is closed.
+        """
+        ...
+
+    def close(self) -> None:
+        """Lets go of it, and ends every `tail`. Closing twice is harmless."""
+        ...
+
+
+class Journal(CommitLog, Protocol):
+    """A log in which the board can look things up."""
+
+    @property
+    def waits_for_disk(self) -> bool:
+        """An append takes as long as a disk, or a network, does."""
+        ...
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
         """The fluent as it stands, or as it stood after commit `as_of`.
@@ -195,13 +91,7 @@ class SqliteJournal:
         Raises:
             UnknownFluent: it was not asserted (by then).
         """
-        rows = self._rows("WHERE c.name = ? AND c.commit_number <= ?", (name, _number(as_of)))
-        fluent: Fluent | None = None
-        for event in _folded(rows):
-            fluent = event.after
-        if fluent is None:
-            raise UnknownFluent(_unknown(name, as_of), name=name)
-        return fluent
+        ...
 
     def history(self, name: str) -> list[Commit]:
         """The commits that changed a fluent, each with the events about it alone.
@@ -209,200 +99,44 @@ class SqliteJournal:
         Raises:
             UnknownFluent: it was never asserted.
         """
-        events = list(_folded(self._rows("WHERE c.name = ?", (name,))))
-        if not events:
-            raise UnknownFluent(_unknown(name, None), name=name)
-        by_commit: dict[int, list[FluentEvent]] = {}
-        for event in events:
-            by_commit.setdefault(event.after.version, []).append(event)
-        return [
-            replace(self._commit(number), events=tuple(of_commit))
-            for number, of_commit in by_commit.items()
-        ]
+        ...
 
     def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
         """The commits with numbers in (after, up_to], in order, each event with its before."""
-        known: dict[str, Fluent] = {}
-        for number, wall_s, author, reason in self._read(
-            "SELECT number, wall_s, author, reason FROM commits "
-            "WHERE number > ? AND number <= ? ORDER BY number",
-            (after, _number(up_to)),
-        ):
-            events: list[FluentEvent] = []
-            for row in list(self._rows("WHERE c.commit_number = ?", (number,), "c.position")):
-                name = row[2]
-                if name not in known and row[1] != FluentAdded.kind:
-                    known[name] = self.fluent(name, number - 1)
-                event = _event(row, known.get(name))
-                known[name] = event.after
-                events.append(event)
-            yield Commit(number, wall_s, author, tuple(events), self._statements(number), reason)
+        ...
 
     def fluents(self, as_of: int | None = None) -> Iterator[Fluent]:
         """Every fluent as it stands, or stood after a commit, by name, in bounded memory."""
-        rows = self._rows(
-            "WHERE c.commit_number <= ?", (_number(as_of),), "c.name, c.commit_number, c.position"
-        )
-        for _, of_name in groupby(rows, key=lambda row: row[2]):
-            fluent: Fluent | None = None
-            for event in _folded(of_name):
-                fluent = event.after
-            if fluent is not None:
-                yield fluent
+        ...
 
     def corrected(self, after: int) -> set[str]:
         """Names of the fluents that were corrected after a commit."""
-        rows = self._read(
-            "SELECT name FROM changes WHERE kind = 'corrected' AND commit_number > ?", (after,)
-        )
-        return {name for (name,) in rows}
+        ...
 
-    def outlines(self) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
+    def outlines(self, after: int = 0) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
         """Per change, in commit order: name, class, s1, s2, f1, f2 afterwards, commit number."""
-        yield from self._read(
-            "SELECT name, class, s1, s2, f1, f2, commit_number FROM changes "
-            "ORDER BY commit_number, position",
-            (),
-        )
+        ...
 
     def statements(
         self, after: int = 0, up_to: int | None = None
     ) -> Iterator[tuple[int, StatementsChanged]]:
         """What was said outside fluents by commits in (after, up_to], in order, with the commit."""
-        for number, *parts in self._read(
-            f"SELECT commit_number, {_STATEMENT_COLUMNS} FROM statements "
-            "WHERE commit_number > ? AND commit_number <= ? ORDER BY commit_number, position",
-            (after, _number(up_to)),
-        ):
-            yield number, StatementsChanged(*parts)
+        ...
 
     def statements_by_commit(
         self, after: int = 0, up_to: int | None = None
     ) -> Iterator[tuple[int, list[StatementsChanged]]]:
         """Like `statements`, with what each commit changed in one list."""
-        changes = self.statements(after, up_to)
-        for number, of_commit in groupby(changes, key=lambda entry: entry[0]):
-            yield number, [change for _, change in of_commit]
+        ...
 
     def request(self, key: str) -> tuple[int, str] | None:
         """Commit number and digest of the request that used an idempotency key."""
-        rows = self._read("SELECT number, digest FROM commits WHERE idempotency_key = ?", (key,))
-        return next(iter(rows), None)
+        ...
 
     def commit(self, number: int) -> Commit:
         """One commit, whole."""
-        return next(self.commits(number - 1, number))
+        ...
 
     def commit_at(self, wall_s: float) -> int:
         """Number of the last commit made at or before a wall-clock time; 0 if there is none."""
-        rows = self._read(
-            "SELECT coalesce(max(number), 0) FROM commits WHERE wall_s <= ?", (wall_s,)
-        )
-        return next(iter(rows))[0]
-
-    def close(self) -> None:
-        """Lets go of the file."""
-        with self._guard:
-            for connection in self._connections:
-                connection.close()
-            self._connections.clear()
-
-    def _connect(self) -> sqlite3.Connection:
-        connection = sqlite3.connect(
-            self._path or ":memory:", isolation_level=None, check_same_thread=False, timeout=30.0
-        )
-        connection.execute("PRAGMA journal_mode = WAL")
-        with self._guard:
-            self._connections.append(connection)
-        return connection
-
-    def _read(self, sql: str, parameters: tuple[Any, ...]) -> Iterator[Any]:
-        if self._path is None:
-            with self._exclusive:
-                return iter(self._writer.execute(sql, parameters).fetchall())
-        connection: sqlite3.Connection | None = getattr(self._local, "connection", None)
-        if connection is None:
-            connection = self._local.connection = self._connect()
-        return connection.execute(sql, parameters)
-
-    def _rows(
-        self, where: str, parameters: tuple[Any, ...], order: str = "c.commit_number, c.position"
-    ) -> Iterator[_Row]:
-        return self._read(f"{_CHANGES} {where} ORDER BY {order}", parameters)
-
-    def _commit(self, number: int) -> Commit:
-        rows = self._read(
-            "SELECT number, wall_s, author, reason FROM commits WHERE number = ?", (number,)
-        )
-        number, wall_s, author, reason = next(iter(rows))
-        return Commit(number, wall_s, author, reason=reason)
-
-    def _statements(self, number: int) -> tuple[StatementsChanged, ...]:
-        rows = self._read(
-            f"SELECT {_STATEMENT_COLUMNS} FROM statements "
-            "WHERE commit_number = ? ORDER BY position",
-            (number,),
-        )
-        return tuple(StatementsChanged(*row) for row in rows)
-
-
-def _encoded(number: int, position: int, event: FluentEvent) -> tuple[Any, ...]:
-    fluent = event.after
-    new = fluent.properties
-    if isinstance(event, FluentRefined | FluentEnded):
-        new = new[len(event.before.properties) :]
-    return (
-        number,
-        position,
-        event.kind,
-        fluent.name,
-        fluent.class_name,
-        fluent.start.earliest,
-        fluent.start.latest,
-        fluent.finish.earliest,
-        fluent.finish.latest,
-        orjson.dumps([(p.name, p.type, p.value) for p in new]),
-    )
-
-
-def _folded(rows: Iterable[_Row]) -> Iterator[FluentEvent]:
-    """The events of one fluent from its rows, oldest first."""
-    fluent: Fluent | None = None
-    for row in rows:
-        event = _event(row, fluent)
-        fluent = event.after
-        yield event
-
-
-def _event(row: _Row, before: Fluent | None) -> FluentEvent:
-    number, kind, name, class_name, s1, s2, f1, f2, packed, author = row
-    new = tuple(Property(*entry) for entry in orjson.loads(packed))
-    old = () if before is None or kind == FluentCorrected.kind else before.properties
-    after = Fluent(
-        name,
-        class_name,
-        UNKNOWN if s1 is None and s2 is None else Interval(s1, s2),
-        UNKNOWN if f1 is None and f2 is None else Interval(f1, f2),
-        (*old, *new),
-        number,
-        author,
-        number if before is None else before.created,
-    )
-    if before is None:
-        return FluentAdded(after)
-    if kind == FluentRefined.kind:
-        return FluentRefined(before, after)
-    return (
-        FluentEnded(before, after) if kind == FluentEnded.kind else FluentCorrected(before, after)
-    )
-
-
-def _number(as_of: int | None) -> int:
-    return (1 << 62) if as_of is None else as_of
-
-
-def _unknown(name: str, as_of: int | None) -> str:
-    when = "" if as_of is None else f" at commit {as_of}"
-    return (
-        f"no fluent {name!r} on the board{when}; names are case-sensitive, GET /fluents lists them"
-    )
+        ...

@@ -14,7 +14,7 @@ import pyoxigraph as ox
 from fluentboard.board.declarations import Declarations
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.intervals import IntervalIndex
-from fluentboard.board.journal import Durability, SqliteJournal
+from fluentboard.board.journal import Durability, Journal
 from fluentboard.board.statement_layers import StatementLayers
 from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.triples import event_lines, fluent_lines
@@ -39,7 +39,7 @@ class Projections:
 
     def __init__(
         self,
-        journal: SqliteJournal,
+        journal: Journal,
         store: EmbeddedStore,
         index: IntervalIndex,
         durability: Durability,

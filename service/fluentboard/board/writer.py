@@ -191,7 +191,9 @@ class Writer:
         commits = [entry.commit for _, entry in accepted]
         try:
             if commits:
-                self._journal.append([entry for _, entry in accepted])
+                self._journal.append(
+                    [entry for _, entry in accepted], expected=commits[0].number - 1
+                )
                 self._projections.remember(commits)
                 self._projector.put(commits)
         except StorageFailed as problem:
