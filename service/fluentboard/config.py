@@ -92,7 +92,12 @@ class LimitSettings(_Section):
     page_max: _Count = Field(default=10_000, description="Most fluents on one page of a listing.")
     query_timeout_s: _Seconds = Field(default=30.0, description="Longest that a query may take.")
     queries_at_once: _Count = Field(
-        default=4, description="Queries evaluated side by side; more wait for their turn."
+        default=4,
+        description="Queries evaluated side by side, each in a process of its own; more wait for "
+        "their turn.",
+    )
+    query_memory_max_bytes: _Count = Field(
+        default=2 * 2**30, description="Memory that one query may take (on Linux)."
     )
     result_rows_max: _Count = Field(
         default=1_000_000, description="Most solutions in the result of one query."

@@ -239,3 +239,14 @@ class MissingExtra(FluentboardError):
     """A part of fluentboard is used whose extra is not installed."""
 
     code = "missing-extra"
+
+
+def error_classes() -> dict[str, type[FluentboardError]]:
+    """The class of each code, as far as their modules are imported."""
+    found: dict[str, type[FluentboardError]] = {}
+    waiting: list[type[FluentboardError]] = [FluentboardError]
+    while waiting:
+        kind = waiting.pop()
+        found[kind.code] = kind
+        waiting += kind.__subclasses__()
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -37,6 +38,9 @@ from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.config import Settings
 from fluentboard.errors import FluentboardError
+
+# Not at once: a service that has just been started has more urgent things to do.
+_WARM_UP_AFTER_S = 2.0
 
 
 class BoardApp(FastAPI):
@@ -121,7 +125,13 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     """
     guard = Guard(settings)
     metrics = Metrics()
-    evaluator = Evaluator(blackboard, settings.limits, settings.security.service_endpoints)
+    data = settings.storage.data
+    evaluator = Evaluator(
+        blackboard,
+        settings.limits,
+        settings.security.service_endpoints,
+        None if data is None else data / "readers",
+    )
     read = reader_for(settings.security.load_hosts, settings.limits.body_max_bytes)
     updater = Updater(blackboard, settings.limits, guard, read)
     registry = SubscriptionRegistry(
@@ -129,7 +139,6 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     )
     live = LiveRoutes(registry, guard, settings.subscriptions)
     sepa = SepaRoutes(registry, guard, settings.subscriptions, live)
-    data = settings.storage.data
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
     system = SystemRoutes(blackboard)
     graph_store = GraphStoreRoutes(blackboard, evaluator, updater, settings.limits)
@@ -155,10 +164,12 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     metrics.gauge("frame_bytes", "Size of the live frames kept.", lambda: frames.size_bytes)
     metrics.gauge("queries_running", "Queries being evaluated.", lambda: evaluator.running)
     metrics.counter("frames_dropped", "Frames that made room.", lambda: frames.dropped)
+    metrics.gauge("query_processes", "Processes for queries.", lambda: evaluator.processes)
     metrics.counter("query_timeouts", "Queries that took too long.", lambda: evaluator.timeouts)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncGenerator[None]:
+        asyncio.get_running_loop().call_later(_WARM_UP_AFTER_S, evaluator.warm_up)
         yield
         frames.wake()
         await live.close()

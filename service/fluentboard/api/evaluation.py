@@ -1,9 +1,9 @@
 """Evaluation: one query in, its serialised result out, within the limits of the service.
 
-Everything that answers SPARQL calls `Evaluator.evaluate`. It is the seam at which queries can move
-to processes of their own, which can be killed: today a query that runs over its time is abandoned,
-and stops by itself when it next produces a result, but one that produces none occupies its thread
-until it is done.
+Everything that answers SPARQL calls `Evaluator.evaluate`. A query that surely takes no longer than
+its result is long is evaluated at once; every other one in a reader, a process of its own that is
+killed when the time is over. A board in memory has no readers: there a query that runs over its
+time is abandoned, and occupies its thread until it next produces a result.
 """
 
 from __future__ import annotations
@@ -12,125 +12,52 @@ import asyncio
 import threading
 from collections.abc import Collection, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from functools import partial
-from typing import IO, Literal, cast
+from pathlib import Path
+from typing import TypeVar
 
-import pyoxigraph as ox
-
+from fluentboard.api.answering import Question, Result, answer
 from fluentboard.api.federation import check_services
-from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.point_queries import is_point_query
 from fluentboard.api.query_threads import QueryThreads
+from fluentboard.api.readers.pool import ReaderPool
 from fluentboard.api.result_cache import Cached, Key, ResultCache
-from fluentboard.api.results import ResultSink
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
-from fluentboard.board.store import GraphName, QueryResults
-from fluentboard.board.time_functions import mentions_functions
 from fluentboard.config import LimitSettings
-from fluentboard.errors import InvalidQuery, QueryTimeout, TooLarge
-from fluentboard.model.interval import Certainty
+from fluentboard.errors import QueryTimeout, TooLarge
 
-_XML = "application/sparql-results+xml"
-_JSON = "application/sparql-results+json"
+_Outcome = TypeVar("_Outcome")
 
-SOLUTION_OFFERS = (
-    Offer(_JSON, ox.QueryResultsFormat.JSON),
-    Offer(_XML, ox.QueryResultsFormat.XML),
-    Offer("text/csv", ox.QueryResultsFormat.CSV),
-    Offer("text/tab-separated-values", ox.QueryResultsFormat.TSV),
-    # What clients ask for that do not know the proper names.
-    Offer("application/json", ox.QueryResultsFormat.JSON),
-    Offer("application/xml", ox.QueryResultsFormat.XML),
-    Offer("text/xml", ox.QueryResultsFormat.XML),
-)
-"""What the result of a SELECT or ASK can be written as, the preferred first."""
-
-GRAPH_OFFERS = (
-    Offer("text/turtle", ox.RdfFormat.TURTLE),
-    Offer("application/n-triples", ox.RdfFormat.N_TRIPLES),
-    Offer("application/ld+json", ox.RdfFormat.JSON_LD),
-    Offer("application/rdf+xml", ox.RdfFormat.RDF_XML),
-    Offer("application/trig", ox.RdfFormat.TRIG),
-    Offer("application/n-quads", ox.RdfFormat.N_QUADS),
-    Offer("text/n3", ox.RdfFormat.N3),
-    Offer("application/json", ox.RdfFormat.JSON_LD),
-    Offer("application/xml", ox.RdfFormat.RDF_XML),
-)
-"""What the result of a CONSTRUCT or DESCRIBE can be written as, the preferred first."""
-
-DEFAULT_GRAPH = "urn:x-arq:DefaultGraph"
-"""Stands for the default graph where the IRI of a graph is asked for, as in Apache Jena."""
-
-UNION_GRAPH = "urn:x-arq:UnionGraph"
-"""Stands for all named graphs together, likewise."""
+# How long a reader may take to come up, on a large board and a slow machine.
+_START_PATIENCE_S = 30.0
+_LONG_S = 0.1
 
 # A result longer than this is not one that the event loop should wait for.
 _INLINE_BYTES_MAX = 32 * 1024
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """A query as the SPARQL protocol has it.
-
-    Attributes:
-        text: SPARQL 1.1.
-        accept: the media types that the client takes, as in the header; None for any.
-        default_graphs: IRIs that make up the default graph; none for the board's own.
-        named_graphs: IRIs that `GRAPH` sees; none for all.
-        at: sees only what holds at this time in seconds, or now; None for all of history.
-        as_of: sees what was believed after this commit; None for the present belief.
-        certainty: whether `at` shows what may hold, or only what surely does.
-    """
-
-    text: str
-    accept: str | None = None
-    default_graphs: tuple[str, ...] = ()
-    named_graphs: tuple[str, ...] = ()
-    at: float | Literal["now"] | None = None
-    as_of: int | None = None
-    certainty: Certainty = Certainty.POSSIBLE
-
-    @property
-    def is_timeless(self) -> bool:
-        """It asks about all of history, and its answer changes with commits alone."""
-        return self.at is None and self.as_of is None and not mentions_functions(self.text)
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """A whole result.
-
-    Attributes:
-        media_type: of the text.
-        text: the serialised result, or None if it is so long that it waits in the sink's file.
-        sink: where it was written; None if it was known already.
-        commit: the commit it is exact at, or that it has at least.
-        at_s: the time it is exact at, in seconds; None for all times.
-        is_exact: no later commit is in it.
-    """
-
-    media_type: str
-    text: bytes | None
-    sink: ResultSink | None
-    commit: int
-    at_s: float | None = None
-    is_exact: bool = True
-
-
 class Evaluator:
-    """Evaluates queries in threads, so that none of them holds up the event loop.
+    """Evaluates queries beside the event loop, so that none of them holds it up.
 
     Args:
         board: what is asked.
         limits: on time, rows and bytes.
         service_endpoints: which other endpoints queries may ask.
+        readers_folder: where readers keep their files; None to evaluate in threads.
     """
 
     def __init__(
-        self, board: Blackboard, limits: LimitSettings, service_endpoints: Collection[str] = ()
+        self,
+        board: Blackboard,
+        limits: LimitSettings,
+        service_endpoints: Collection[str] = (),
+        readers_folder: Path | None = None,
     ) -> None:
+        can_follow = readers_folder is not None and board.journal_file is not None
+        self._readers = (
+            ReaderPool(board, readers_folder, limits) if can_follow and readers_folder else None
+        )
         self._board = board
         self._service_endpoints = frozenset(service_endpoints)
         self._limits = limits
@@ -151,8 +78,13 @@ class Evaluator:
 
     @property
     def running(self) -> int:
-        """Queries in the threads, the abandoned ones included."""
+        """Queries being evaluated; in threads, the abandoned ones too."""
         return len(self._running)
+
+    @property
+    def processes(self) -> int:
+        """How many readers there are; 0 for a board in memory."""
+        return 0 if self._readers is None else len(self._readers.process_ids)
 
     async def evaluate(self, question: Question) -> Result:
         """The result of a query.
@@ -169,7 +101,7 @@ class Evaluator:
         is_plain = question.at is None and question.as_of is None
         known = self._cache.get(commit, key) if is_plain else None
         if known is not None:
-            return Result(known.media_type, known.text, None, commit)
+            return Result(known.media_type, known.text, None, len(known.text), commit)
         # A query waits until the RDF store has all that was committed; the event loop must not.
         is_current = is_plain and self._applied >= commit
         result = await self._evaluated(question, is_current=is_current)
@@ -178,110 +110,71 @@ class Evaluator:
         return result
 
     async def _evaluated(self, question: Question, *, is_current: bool) -> Result:
-        if is_current and is_point_query(question.text):
+        if is_point_query(question.text):
+            if not is_current:
+                return await self._in_thread(question)
             try:
-                return self._answer(question, self._inline_limits, self._never)
+                return answer(self._board, question, self._inline_limits, self._never)
             except TooLarge:
                 pass  # more than a few kilobytes after all: the usual way decides
         check_services(question.text, self._service_endpoints)
-        stop = threading.Event()
-        future = self._threads.submit(partial(self._answer, question, self._limits, stop))
-        self._running.add(future)
-        future.add_done_callback(self._running.discard)
+        if self._readers is None:
+            return await self._in_thread(question)
+        job = self._readers.submit(question, self._board.commit, self._board.clock.now_s())
+        self._note(job.future)
         timeout_s = self._limits.query_timeout_s
         try:
-            return await asyncio.wait_for(asyncio.wrap_future(future), timeout_s)
-        except TimeoutError:
-            self.timeouts += 1
-            raise QueryTimeout(
-                f"the query did not finish within {timeout_s:g} s; narrow it, add LIMIT, or raise "
-                "limits.query_timeout_s",
-                timeout_s=timeout_s,
-            ) from None
+            # Waiting for a reader, which may have to start first, is not time that the query took.
+            begun = asyncio.wrap_future(job.begun)
+            await self._in_time(begun, timeout_s + _START_PATIENCE_S, "did not get its turn")
+            result = asyncio.wrap_future(job.future)
+            await asyncio.wait({result}, timeout=min(_LONG_S, timeout_s))
+            if not result.done():
+                # It may go on for long: the next query is to find a reader that is free.
+                self._readers.prepare_one_more()
+            return await self._in_time(result, timeout_s, "did not finish")
+        finally:
+            job.abandon()
+
+    async def _in_thread(self, question: Question) -> Result:
+        stop = threading.Event()
+        future = self._threads.submit(partial(answer, self._board, question, self._limits, stop))
+        self._note(future)
+        try:
+            timeout_s = self._limits.query_timeout_s
+            return await self._in_time(asyncio.wrap_future(future), timeout_s, "did not finish")
         finally:
             stop.set()
 
+    def _note(self, future: Future[Result]) -> None:
+        self._running.add(future)
+        future.add_done_callback(self._running.discard)
+
+    async def _in_time(
+        self, future: asyncio.Future[_Outcome], timeout_s: float, complaint: str
+    ) -> _Outcome:
+        try:
+            return await asyncio.wait_for(future, timeout_s)
+        except TimeoutError:
+            self.timeouts += 1
+            raise QueryTimeout(
+                f"the query {complaint} within {timeout_s:g} s and was stopped; narrow it, add "
+                "LIMIT, or raise limits.query_timeout_s",
+                timeout_s=timeout_s,
+            ) from None
+
+    def warm_up(self) -> None:
+        """Starts what the first query would have to wait for."""
+        if self._readers is not None:
+            self._readers.warm_up()
+
     def close(self) -> None:
-        """Lets go of the threads."""
+        """Lets go of the threads and ends the readers."""
         self._stop_listening()
+        if self._readers is not None:
+            self._readers.close()
         self._threads.close()
 
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called in another thread when the RDF store has applied commits."""
         self._applied = commits[-1].number
-
-    def _answer(self, question: Question, limits: LimitSettings, stop: threading.Event) -> Result:
-        # A protocol request that names any graph names the whole dataset.
-        has_dataset = bool(question.default_graphs or question.named_graphs)
-        timed = self._board.timed_query(
-            question.text,
-            at=question.at,
-            as_of=question.as_of,
-            certainty=question.certainty,
-            default_graphs=self._graphs(question.default_graphs) if has_dataset else None,
-            named_graphs=self._named_graphs(question.named_graphs) if has_dataset else None,
-        )
-        commit, at_s, is_exact = timed.commit, timed.at_s, timed.is_exact
-        results: QueryResults | None = timed.results
-        del timed
-        try:
-            media_type, sink = written(results, question.accept, limits, stop)
-        finally:
-            # Oxigraph's iterators must die in the thread that made them, but the traceback of an
-            # error would take this one along to the event loop.
-            results = None
-        return Result(media_type, sink.text, sink, commit, at_s, is_exact)
-
-    def _graphs(self, iris: Sequence[str]) -> list[GraphName]:
-        graphs: list[GraphName] = []
-        for iri in iris:
-            graphs += [ox.DefaultGraph()] if iri == DEFAULT_GRAPH else self._named_graphs([iri])
-        return graphs
-
-    def _named_graphs(self, iris: Sequence[str]) -> list[ox.NamedNode | ox.BlankNode]:
-        graphs: list[ox.NamedNode | ox.BlankNode] = []
-        try:
-            for iri in iris:
-                if iri == UNION_GRAPH:
-                    graphs += self._board.graphs.named_graphs()
-                else:
-                    graphs.append(ox.NamedNode(iri))
-        except ValueError as problem:
-            raise InvalidQuery(f"a graph of the dataset is no IRI: {problem}") from None
-        return graphs
-
-
-def written(
-    results: QueryResults,
-    accept: str | None,
-    limits: LimitSettings,
-    stop: threading.Event,
-) -> tuple[str, ResultSink]:
-    """Media type and text of the results, in the format that the client wants most.
-
-    Raises:
-        NotAcceptable: it wants none that fits.
-        InvalidQuery: the evaluation failed on the way.
-        TooLarge: there is more than the limits allow.
-        Stopped: nobody waits for them any more.
-    """
-    sink: ResultSink | None = None
-    try:
-        is_graph = isinstance(results, ox.QueryTriples)
-        media_type, form = negotiated(accept, GRAPH_OFFERS if is_graph else SOLUTION_OFFERS)
-        sink = ResultSink(form, limits, stop)
-        results.serialize(cast("IO[bytes]", sink), form)
-    except (OSError, ValueError, RuntimeError) as problem:
-        _close(sink)
-        raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
-    except BaseException:
-        _close(sink)
-        raise
-    finally:
-        del results
-    return media_type, sink
-
-
-def _close(sink: ResultSink | None) -> None:
-    if sink is not None:
-        sink.close()

@@ -11,7 +11,8 @@ from urllib.parse import quote, urljoin
 import pyoxigraph as ox
 
 from fluentboard.api import parameters
-from fluentboard.api.evaluation import GRAPH_OFFERS, Evaluator, Question
+from fluentboard.api.answering import GRAPH_OFFERS, Question
+from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, json_reply
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.rdf4j_parameters import check_repository

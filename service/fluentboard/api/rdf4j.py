@@ -12,13 +12,8 @@ import orjson
 import pyoxigraph as ox
 
 from fluentboard.api import parameters, rdf4j_parameters
-from fluentboard.api.evaluation import (
-    DEFAULT_GRAPH,
-    SOLUTION_OFFERS,
-    UNION_GRAPH,
-    Evaluator,
-    Question,
-)
+from fluentboard.api.answering import DEFAULT_GRAPH, SOLUTION_OFFERS, UNION_GRAPH, Question
+from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Call, Reply, StreamedReply, utf8_text
 from fluentboard.api.graph_store import GraphStoreRoutes
 from fluentboard.api.negotiation import content_type, negotiated

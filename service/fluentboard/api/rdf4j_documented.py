@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from fluentboard.api.evaluation import SOLUTION_OFFERS
+from fluentboard.api.answering import SOLUTION_OFFERS
 from fluentboard.api.exchange import Handler
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.rdf_bodies import PROPER_FORMATS, InvalidRdf

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import pyoxigraph as ox
 
 from fluentboard.api import parameters, rdf4j_parameters
-from fluentboard.api.evaluation import written
+from fluentboard.api.answering import written
 from fluentboard.api.exchange import Call, Reply, StreamedReply, utf8_text
 from fluentboard.api.negotiation import content_type
 from fluentboard.api.rdf4j_parameters import check_repository

@@ -6,6 +6,7 @@ import re
 import tempfile
 import threading
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import IO
 
 from pyoxigraph import QueryResultsFormat, RdfFormat
@@ -75,6 +76,8 @@ class ResultSink:
         form: format of the result.
         limits: how long it may be, and how much of it is kept in memory.
         stop: once set, nobody waits for the result any more.
+        folder: where the file is made, with a name by which another process finds it; None for a
+            file without a name.
     """
 
     def __init__(
@@ -82,7 +85,9 @@ class ResultSink:
         form: QueryResultsFormat | RdfFormat,
         limits: LimitSettings,
         stop: threading.Event,
+        folder: Path | None = None,
     ) -> None:
+        self._folder = folder
         self._counter = RowCounter(form)
         self._limits = limits
         self._stop = stop
@@ -120,8 +125,7 @@ class ResultSink:
         self._count_rows()
         try:
             if self._file is None:
-                # Closed by `close`, or when its last chunk is sent.
-                self._file = tempfile.TemporaryFile(prefix="fluentboard-result-")  # noqa: SIM115
+                self._file = self._opened()
             self._file.writelines(self._parts)
         except OSError as problem:
             raise StorageFailed(
@@ -129,6 +133,12 @@ class ResultSink:
             ) from None
         self._parts = []
         self._counted = 0
+
+    def _opened(self) -> IO[bytes]:
+        # Closed by `close`, or when its last chunk is sent.
+        if self._folder is None:
+            return tempfile.TemporaryFile(prefix="fluentboard-result-")
+        return tempfile.NamedTemporaryFile(prefix="result-", dir=self._folder, delete=False)
 
     def _count_rows(self) -> None:
         for part in self._parts[self._counted :]:
@@ -157,14 +167,23 @@ class ResultSink:
             return None
         return self._parts[0] if len(self._parts) == 1 else b"".join(self._parts)
 
-    async def chunks(self) -> AsyncIterator[bytes]:
+    @property
+    def file(self) -> IO[bytes] | None:
+        """The file that a long result is in; None if the result is in memory."""
+        return self._file
+
+    def chunks(self) -> AsyncIterator[bytes]:
         """The pieces of a result that is in a file; closes the file at the end."""
-        file = self._file
-        assert file is not None, "a result in memory is read by `text`"
-        file.seek(0)
-        try:
-            # Fresh in the page cache: reading it here costs less than another thread would.
-            while chunk := file.read(_CHUNK_BYTES):
-                yield chunk
-        finally:
-            file.close()
+        assert self._file is not None, "a result in memory is read by `text`"
+        return file_chunks(self._file)
+
+
+async def file_chunks(file: IO[bytes]) -> AsyncIterator[bytes]:
+    """The pieces of an open file, from its beginning; closes it at the end."""
+    file.seek(0)
+    try:
+        # Fresh in the page cache: reading it here costs less than another thread would.
+        while chunk := file.read(_CHUNK_BYTES):
+            yield chunk
+    finally:
+        file.close()

@@ -8,13 +8,8 @@ from urllib.parse import quote
 import pyoxigraph as ox
 
 from fluentboard.api import parameters
-from fluentboard.api.evaluation import (
-    GRAPH_OFFERS,
-    SOLUTION_OFFERS,
-    Evaluator,
-    Question,
-    Result,
-)
+from fluentboard.api.answering import GRAPH_OFFERS, SOLUTION_OFFERS, Question, Result
+from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import (
     Call,
     HeaderList,
@@ -26,6 +21,7 @@ from fluentboard.api.exchange import (
 )
 from fluentboard.api.negotiation import content_type, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.results import file_chunks
 from fluentboard.api.service_description import DESCRIPTION_PREFIXES, service_description
 from fluentboard.api.updating import Updater
 from fluentboard.api.writing import commit_header
@@ -283,9 +279,9 @@ def result_reply(result: Result) -> Reply | StreamedReply:
         headers.append((b"x-at", repr(result.at_s).encode()))
     if result.text is not None:
         return Reply(result.text, content_type(result.media_type), 200, headers)
-    sink = result.sink
-    assert sink is not None, "a result that is not in memory is in a file"
-    return StreamedReply(sink.chunks(), content_type(result.media_type), sink.size, headers)
+    assert result.file is not None, "a result that is not in memory is in a file"
+    chunks = file_chunks(result.file)
+    return StreamedReply(chunks, content_type(result.media_type), result.size_bytes, headers)
 
 
 def update_receipt(commit: Commit) -> dict[str, int]:

@@ -9,7 +9,7 @@ from typing import IO, cast
 
 import pyoxigraph as ox
 
-from fluentboard.api.evaluation import GRAPH_OFFERS
+from fluentboard.api.answering import GRAPH_OFFERS
 from fluentboard.api.exchange import Call, Reply, StreamedReply
 from fluentboard.api.negotiation import Offer, content_type, negotiated
 from fluentboard.api.results import ResultSink, Stopped

@@ -372,6 +372,26 @@ class Blackboard:
         """
         return self._projector.listen(callback)
 
+    def named_graphs(self) -> list[ox.NamedNode]:
+        """Names of all named graphs, the empty ones included."""
+        return self.graphs.named_graphs()
+
+    @property
+    def journal_file(self) -> Path | None:
+        """Where another process can follow the journal; None if it is in memory."""
+        return self._journal.file
+
+    def checkpoint(self, folder: Path) -> int:
+        """Makes a copy of the RDF store in a folder, for a `Follower`.
+
+        Returns:
+            Number of a commit that the copy surely has.
+
+        Raises:
+            StorageFailed: it cannot be made.
+        """
+        return self._projections.store.checkpoint(folder)
+
     def remarks(self, commands: Sequence[Command]) -> list[str]:
         """What is allowed but perhaps not meant: undeclared properties, dangling references."""
         new = {name_of(command) for command in commands}

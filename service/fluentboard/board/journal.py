@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from fluentboard.board.events import Commit, StatementsChanged
@@ -81,6 +82,11 @@ class Journal(CommitLog, Protocol):
     """A log in which the board can look things up."""
 
     @property
+    def file(self) -> Path | None:
+        """The SQLite file that another process can read the journal from; None if there is none."""
+        ...
+
+    @property
     def waits_for_disk(self) -> bool:
         """An append takes as long as a disk, or a network, does."""
         ...
@@ -113,7 +119,9 @@ class Journal(CommitLog, Protocol):
         """Names of the fluents that were corrected after a commit."""
         ...
 
-    def outlines(self, after: int = 0) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
+    def outlines(
+        self, after: int = 0, up_to: int | None = None
+    ) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
         """Per change, in commit order: name, class, s1, s2, f1, f2 afterwards, commit number."""
         ...
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from fluentboard.board.events import Commit, StatementsChanged
@@ -49,6 +50,11 @@ class MirroredJournal:
         while entries := list(islice(waiting, _AT_ONCE)):
             self._mirror.append(entries, expected=self._mirror.last)
         return self._mirror.last
+
+    @property
+    def file(self) -> Path | None:
+        """The mirror's file."""
+        return self._mirror.file
 
     @property
     def waits_for_disk(self) -> bool:
@@ -93,9 +99,11 @@ class MirroredJournal:
         """See `Journal.corrected`."""
         return self._mirror.corrected(after)
 
-    def outlines(self, after: int = 0) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
+    def outlines(
+        self, after: int = 0, up_to: int | None = None
+    ) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
         """See `Journal.outlines`."""
-        return self._mirror.outlines(after)
+        return self._mirror.outlines(after, up_to)
 
     def statements(
         self, after: int = 0, up_to: int | None = None

@@ -115,20 +115,25 @@ class Projections:
             self.store.mark(state=self._durability)
             self._marked = commits[-1].number
 
-    def recover(self) -> None:
+    def recover(self, *, is_trusted: bool = False) -> None:
         """Reads the journal into memory and replays into the store what it has not seen.
 
         A store that may hold what the journal has lost is rebuilt.
+
+        Args:
+            is_trusted: the store is a checkpoint that a running board has just made.
         """
         last = self.journal.last
         seen = self.store.applied
-        is_rebuilt = self.store.may_be_ahead or seen > last or (seen == 0 and last > 0)
-        for number, changes in self.journal.statements_by_commit():
+        is_rebuilt = not is_trusted and (
+            self.store.may_be_ahead or seen > last or (seen == 0 and last > 0)
+        )
+        for number, changes in self.journal.statements_by_commit(0, last):
             self._declarations.apply(changes)
             if number <= seen and not is_rebuilt:
                 self._layers.skip(changes)
         self.vocabulary = self._declarations.vocabulary
-        for name, class_name, s1, s2, f1, f2, number in self.journal.outlines():
+        for name, class_name, s1, s2, f1, f2, number in self.journal.outlines(0, last):
             self.index.put_outline(
                 name, class_name, (*_bounds(s1, s2, -math.inf), *_bounds(f1, f2, math.inf)), number
             )
@@ -137,7 +142,7 @@ class Projections:
         elif seen < last:
             logger.info("replaying commits %s to %s into the RDF store", seen + 1, last)
             group: list[Commit] = []
-            for commit in self.journal.commits(seen):
+            for commit in self.journal.commits(seen, last):
                 group.append(commit)
                 if len(group) == _MARK_EVERY:
                     self.project(group)

@@ -87,6 +87,11 @@ class SqliteJournal:
         ).fetchone()
 
     @property
+    def file(self) -> Path | None:
+        """The file; None if the journal is in memory."""
+        return self._path
+
+    @property
     def last(self) -> int:
         """Number of the last commit, 0 if there is none."""
         if self._read_only:
@@ -240,12 +245,14 @@ class SqliteJournal:
         )
         return {name for (name,) in rows}
 
-    def outlines(self, after: int = 0) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
+    def outlines(
+        self, after: int = 0, up_to: int | None = None
+    ) -> Iterator[tuple[str, str, Any, Any, Any, Any, int]]:
         """Per change, in commit order: name, class, s1, s2, f1, f2 afterwards, commit number."""
         yield from self._read(
             "SELECT name, class, s1, s2, f1, f2, commit_number FROM changes "
-            "WHERE commit_number > ? ORDER BY commit_number, position",
-            (after,),
+            "WHERE commit_number > ? AND commit_number <= ? ORDER BY commit_number, position",
+            (after, _number(up_to)),
         )
 
     def statements(

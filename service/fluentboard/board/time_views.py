@@ -8,14 +8,13 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import pyoxigraph as ox
 
 from fluentboard.board.believed import Believed
 from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.projections import Projections
-from fluentboard.board.projector import Projector
 from fluentboard.board.store import GraphName, QueryResults
 from fluentboard.board.time_functions import mentions_functions, time_functions
 from fluentboard.board.time_view import Perspective, TimeView
@@ -28,6 +27,14 @@ logger = logging.getLogger(__name__)
 
 _VIEWS_MAX = 8
 _FLUENTS_MAX = 400_000
+
+
+class BroughtUp(Protocol):
+    """Whoever brings the RDF store up to a commit."""
+
+    def wait_for(self, commit: int) -> None:
+        """Returns when the RDF store has applied a commit."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +64,7 @@ class TimeViews:
     in it. Views that nobody has asked for cost nothing, on writing as on reading.
     """
 
-    def __init__(self, projections: Projections, projector: Projector, clock: Clock) -> None:
+    def __init__(self, projections: Projections, projector: BroughtUp, clock: Clock) -> None:
         self._projections = projections
         self._projector = projector
         self._clock = clock

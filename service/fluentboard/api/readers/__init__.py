@@ -1,0 +1,1 @@
+"""Readers: processes that evaluate queries and can be killed."""
