@@ -80,6 +80,15 @@ def test_an_endless_query_is_ended_while_writes_flow(board: httpx.Client) -> Non
     assert busy - readers(board)
 
 
+def test_an_update_that_would_never_end_does_not_reach_the_writer(board: httpx.Client) -> None:
+    update = f"INSERT {{ GRAPH <urn:g> {{ <urn:a> <urn:b> ?n }} }} WHERE {{ {ENDLESS} }}"
+    reply = board.post("/sparql", data={"update": update})
+    assert (reply.status_code, reply.json()["code"]) == (503, "query-timeout")
+    counted = f"INSERT {{ GRAPH <urn:g> {{ <urn:a> <urn:b> ?n }} }} WHERE {{ {COUNT} }}"
+    reply = board.post("/sparql", data={"update": counted})
+    assert reply.json()["added"] == 1
+
+
 def test_a_query_that_takes_too_much_memory_ends_alone(board: httpx.Client) -> None:
     reply = board.get("/sparql", params={"query": GREEDY})
     # On a slow machine the time may be over first.

@@ -133,7 +133,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         None if data is None else data / "readers",
     )
     read = reader_for(settings.security.load_hosts, settings.limits.body_max_bytes)
-    updater = Updater(blackboard, settings.limits, guard, read)
+    updater = Updater(blackboard, settings.limits, guard, read, evaluator.try_out)
     registry = SubscriptionRegistry(
         blackboard, settings.subscriptions, outside=blackboard.statements()
     )

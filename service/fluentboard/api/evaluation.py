@@ -163,6 +163,20 @@ class Evaluator:
                 timeout_s=timeout_s,
             ) from None
 
+    async def try_out(self, question: Question) -> None:
+        """Evaluates a query where it can be stopped, before it is evaluated where it cannot.
+
+        On a board in memory, which has no such place, it does nothing.
+
+        Raises:
+            FluentboardError: as `evaluate`.
+        """
+        if self._readers is None:
+            return
+        result = await self._evaluated(question, is_current=False)
+        if result.file is not None:
+            result.file.close()
+
     def warm_up(self) -> None:
         """Starts what the first query would have to wait for."""
         if self._readers is not None:

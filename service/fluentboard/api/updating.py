@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
 
+import pyoxigraph as ox
+
+from fluentboard.api.answering import DEFAULT_GRAPH, Question
 from fluentboard.api.exchange import Call
 from fluentboard.api.query_threads import QueryThreads
 from fluentboard.api.security import Guard
@@ -15,12 +18,16 @@ from fluentboard.api.writing import idempotency_key, outcome
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
 from fluentboard.board.graphs import Reader
-from fluentboard.board.update_operations import Operation
+from fluentboard.board.update_operations import Modify, Operation
+from fluentboard.board.update_syntax import parse_update
 from fluentboard.config import LimitSettings
 from fluentboard.errors import QueryTimeout
 
 # Updates are committed one after the other anyway; the second thread is for the one that hangs.
 _THREADS = 2
+
+
+TryOut = Callable[[Question], Awaitable[None]]
 
 
 class Updater:
@@ -31,6 +38,8 @@ class Updater:
         limits: on time.
         guard: admits callers.
         read: gets documents for LOAD; None to refuse it.
+        try_out: evaluates a query where it can be stopped, and does nothing with its result; None
+            to carry out every update right away.
     """
 
     def __init__(
@@ -39,7 +48,9 @@ class Updater:
         limits: LimitSettings,
         guard: Guard,
         read: Reader | None = None,
+        try_out: TryOut | None = None,
     ) -> None:
+        self._try_out = try_out
         self._board = board
         self._limits = limits
         self._guard = guard
@@ -68,6 +79,17 @@ class Updater:
             FluentboardError: why nothing was changed.
             QueryTimeout: it took too long to find out what is to be changed.
         """
+        if self._try_out is not None and "WHERE" in text.upper():
+            parsed = await asyncio.to_thread(
+                parse_update,
+                text,
+                base_iri=base_iri,
+                using_graphs=using_graphs,
+                using_named_graphs=using_named_graphs,
+            )
+            for operation in parsed:
+                if isinstance(operation, Modify):
+                    await self._try_out(_question(operation))
         return await self._done(
             partial(
                 self._board.graphs.update,
@@ -125,3 +147,15 @@ class Updater:
         finally:
             if not future.done():
                 stop.set()
+
+
+def _question(operation: Modify) -> Question:
+    """The WHERE of an operation as a query of its own, on the statements as they are now."""
+    base = "" if operation.base_iri is None else f"BASE <{operation.base_iri}> "
+    graphs = operation.default_graphs or ()
+    return Question(
+        base + operation.query,
+        "text/csv",
+        tuple(DEFAULT_GRAPH if isinstance(g, ox.DefaultGraph) else g.value for g in graphs),
+        tuple(graph.value for graph in operation.named_graphs or ()),
+    )
