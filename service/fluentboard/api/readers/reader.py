@@ -18,6 +18,7 @@ from typing import IO, Any
 from fluentboard.api.answering import Question, answer
 from fluentboard.api.readers.frames import read_frame, write_frame
 from fluentboard.board.follower import Follower
+from fluentboard.clock import ReplayClock
 from fluentboard.config import LimitSettings
 from fluentboard.errors import FluentboardError
 from fluentboard.model.interval import Certainty
@@ -26,16 +27,6 @@ from fluentboard.model.interval import Certainty
 _NICENESS = 5
 
 _Frames = queue.SimpleQueue[dict[str, Any]]
-
-
-class _SentClock:
-    """The board's clock, as each question brings it along."""
-
-    def __init__(self) -> None:
-        self.time_s = 0.0
-
-    def now_s(self) -> float:
-        return self.time_s
 
 
 def main() -> None:
@@ -48,7 +39,8 @@ def main() -> None:
     setup = frames.get()
     _lower_priority()
     limits = LimitSettings.model_validate(setup["limits"])
-    clock, folder = _SentClock(), Path(setup["folder"])
+    # The board's clock, as each question brings it along.
+    clock, folder = ReplayClock(), Path(setup["folder"])
     try:
         follower = Follower(Path(setup["journal"]), folder / "store", setup["applied"], clock)
         _limit_memory(limits.query_memory_max_bytes)
@@ -74,14 +66,14 @@ def _reply(
     asked: dict[str, Any],
     follower: Follower,
     limits: LimitSettings,
-    clock: _SentClock,
+    clock: ReplayClock,
     folder: Path,
 ) -> tuple[dict[str, Any], bytes]:
     try:
         follower.wait_for(asked["commit"])
         if "question" not in asked:
             return {"commit": follower.commit}, b""
-        clock.time_s = asked["now_s"]
+        clock.set(asked["now_s"])
         told = asked["question"]
         question = Question(
             told["text"],
