@@ -29,7 +29,8 @@ class SupportConfig(_Settings):
         default=3.5, gt=0.0, description="Beyond, a mug has fewer than 20 x 20 pixels."
     )
     height_min_m: float = Field(
-        default=0.3, description="Lower level surfaces are floors, unless the camera is near them."
+        default=0.55,
+        description="Lower level surfaces are floors and seats, unless the camera is near them.",
     )
     floor_below_camera_m: float = Field(
         default=0.9,
@@ -101,10 +102,10 @@ class SegmentationConfig(_Settings):
     )
     join_sigma: float = Field(default=4.0, ge=0.0, description="Noise that adds to it.")
     join_gap_px: int = Field(
-        default=3, ge=1, description="Pixels without depth or on the top that a join may cross."
+        default=2, ge=1, description="Pixels without depth or on the top that a join may cross."
     )
     rejoin_m: float = Field(
-        default=0.02, ge=0.0, description="Fragments nearer to a larger part belong to it."
+        default=0.012, ge=0.0, description="Fragments nearer to a larger part belong to it."
     )
     rejoin_share: float = Field(
         default=0.25, ge=0.0, le=1.0, description="Fragments have at most so large a share of it."
@@ -170,6 +171,11 @@ class FilterConfig(_Settings):
     )
     moved_sigma: float = Field(
         default=4.0, gt=0.0, description="A tracked object this far off has been moved: start anew."
+    )
+    growth_max: float = Field(
+        default=1.4,
+        gt=1.0,
+        description="Once the size is known, views larger or smaller by more count a tenth.",
     )
     confidence_decay: float = Field(
         default=0.9, ge=0.0, lt=1.0, description="Weight of earlier recognitions; 0 keeps the last."
@@ -253,7 +259,13 @@ class WorldConfig(_Settings):
         default=0.35,
         gt=0.0,
         le=1.0,
-        description="A new object whose footprint overlaps an anchor's so much is that object.",
+        description="What overlaps an anchor that is being seen so much is a piece of that object.",
+    )
+    overlap_replaced: float = Field(
+        default=0.6,
+        gt=0.0,
+        le=1.0,
+        description="An unseen anchor whose place another one takes so much has been replaced.",
     )
 
 

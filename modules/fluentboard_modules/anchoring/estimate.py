@@ -13,6 +13,7 @@ from fluentboard_modules.anchoring.observation import Cluster
 
 _TOLD_SIGMA_M = 0.10  # of a place that somebody else wrote
 _SIZE_SIGMA_M = 0.012
+_KNOWN_SIZE_SIGMA_M = 0.006  # after four whole views
 _JUMP_M = 0.06  # an object that moved less may as well be drift of the camera's pose
 _ROUND = 1.15  # boxes less oblong have no direction
 
@@ -116,11 +117,20 @@ class BoxEstimate:
     def _resized(
         self, view: BoxEstimate, cluster: Cluster, config: FilterConfig
     ) -> tuple[FloatArray, FloatArray]:
-        """Sizes after a view. What is hidden may be larger, never smaller."""
+        """Sizes after a view. What is hidden may be larger, never smaller.
+
+        Once a size is known, one that is very different is mostly not the object's: two objects
+        seen as one, or a part whose rest has no depth. It counts little, but it counts, for the
+        first views may have been the wrong ones.
+        """
         is_part = _hidden(cluster, config) > 1.0
         informative = (view.size >= self.size) if is_part else np.ones(3, dtype=bool)
         prior = self.size_variance + 1e-6
         gain = np.where(informative, prior / (prior + view.size_variance), 0.0)
+        is_known = self.size_variance < _KNOWN_SIZE_SIGMA_M**2
+        larger, smaller = np.maximum(view.size, self.size), np.minimum(view.size, self.size)
+        is_odd = is_known & (larger > config.growth_max * smaller + 0.01)
+        gain = np.where(is_odd, 0.1 * gain, gain)
         return self.size + gain * (view.size - self.size), (1.0 - gain) * prior
 
 

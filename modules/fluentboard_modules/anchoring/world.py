@@ -279,11 +279,14 @@ class World:
                 continue
             look = look_at(anchor.box, frame.depth_m, frame.camera, frame.T_map_sensor, config)
             self._looks[anchor.identifier] = look
-            taken = any(
-                shared_footprint(anchor.box, other.box) > self._config.overlap_same
+            # Two objects cannot be in one place: what is seen there has replaced it.
+            is_replaced = look.presence is Presence.PRESENT and any(
+                shared_footprint(anchor.box, other.box) > self._config.overlap_replaced
+                and shared_footprint(other.box, anchor.box, of_first=True)
+                > self._config.overlap_replaced
                 for other in tracked
             )
-            if look.presence is Presence.ABSENT or taken:
+            if look.presence is Presence.ABSENT or is_replaced:
                 looks = anchor.empty_looks + 1
             elif look.presence is Presence.PRESENT:
                 looks = 0
@@ -318,8 +321,14 @@ def _appearance_of(detection: Detection) -> Appearance:
     return Appearance(cluster.box, detection.recognition.confidence, is_part)
 
 
-def shared_footprint(a: BoundingBox, b: BoundingBox) -> float:
-    """Share of the smaller footprint that both boxes cover, 0 to 1; 0 if one is above the other."""
+def shared_footprint(a: BoundingBox, b: BoundingBox, *, of_first: bool = False) -> float:
+    """Share of the smaller footprint that both boxes cover, 0 to 1; 0 if one is above the other.
+
+    Args:
+        a: a box.
+        b: another one.
+        of_first: of the footprint of `a` instead.
+    """
     apart = abs(a.pose.z - b.pose.z) - 0.5 * (a.z_size + b.z_size)
     reach = 0.5 * (np.hypot(a.x_size, a.y_size) + np.hypot(b.x_size, b.y_size))
     if apart > 0.0 or np.hypot(a.pose.x - b.pose.x, a.pose.y - b.pose.y) > reach:
@@ -336,5 +345,5 @@ def shared_footprint(a: BoundingBox, b: BoundingBox) -> float:
     if corners is None or len(corners) < 3:
         return 0.0
     common = cv2.contourArea(cv2.convexHull(corners))
-    smaller = min(width * depth for _, (width, depth), _ in rectangles)
-    return float(min(1.0, common / smaller))
+    areas = [width * depth for _, (width, depth), _ in rectangles]
+    return float(min(1.0, common / (areas[0] if of_first else min(areas))))
