@@ -15,28 +15,6 @@ from pathlib import Path
 
 REFERENCE = Path(__file__).parent / "reference" / "cli.md"
 
-COMMANDS = (
-    "",
-    "serve",
-    "import",
-    "export",
-    "query",
-    "watch",
-    "work",
-    "work mapping",
-    "evaluate",
-    "evaluate mapping",
-    "frames",
-    "frames info",
-    "frames view",
-    "frames record",
-    "frames publish",
-    "simulate",
-    "up",
-    "demo",
-)
-"""All commands, in the order of the page; the empty one is `fluentboard` itself."""
-
 _INTRODUCTION = """\
 # Command line
 
