@@ -20,6 +20,7 @@ SCRIPTS = (
     "subscriptions",
     "kills",
     "mapping_scene",
+    "simulator",
 )
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"
