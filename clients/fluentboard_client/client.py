@@ -355,6 +355,40 @@ class Client:
         with self._streamed(request) as reply:
             yield from reply.iter_bytes()
 
+    def backup(self, up_to: str | None = None) -> Iterator[bytes]:
+        """A copy of the board's journal, in pieces as they arrive; `restore` reads it.
+
+        Args:
+            up_to: number of its last commit, or a time; None for all.
+        """
+        with self._streamed(exchange.backup(up_to)) as reply:
+            yield from reply.iter_bytes()
+
+    def audit(
+        self,
+        *,
+        author: str | None = None,
+        name: str | None = None,
+        after: str | None = None,
+        up_to: str | None = None,
+        forced: bool = False,
+    ) -> Iterator[dict[str, Any]]:
+        """Who changed what and when: the commits that pass a filter, in order.
+
+        Args:
+            author: only commits of this author.
+            name: only commits that changed this fluent.
+            after: only commits after this one, or after a time.
+            up_to: only commits up to this one, or to a time.
+            forced: only corrections that an admin forced.
+        """
+        while True:
+            found = self._send(exchange.audit(author, name, after, up_to, forced)).json()
+            yield from found["commits"]
+            if found["next"] is None:
+                return
+            after = str(found["next"])
+
     def subscribe(
         self, sparql: str, *, mode: Mode = "bindings", since: int | None = None
     ) -> Subscription:

@@ -40,6 +40,7 @@ _RETRIED = (
     httpx.WriteError,
     httpx.RemoteProtocolError,
 )
+_AUDIT_PAGE = 1_000
 _FIRST_DELAY_S, _LONGEST_DELAY_S = 0.1, 5.0
 
 
@@ -257,6 +258,19 @@ def sparql(
 def export(format: ExportFormat, at: Time | None) -> Request:
     """Everything on the board, or what holds at a time."""
     return Request("GET", "/export", params=_params(format=format, at=at))
+
+
+def backup(up_to: str | None) -> Request:
+    """A copy of the journal."""
+    return Request("GET", "/backup", params=_params(upto=up_to))
+
+
+def audit(
+    author: str | None, name: str | None, after: str | None, up_to: str | None, forced: bool
+) -> Request:
+    """Who changed what and when."""
+    params = _params(author=author, name=name, after=after, upto=up_to, limit=_AUDIT_PAGE)
+    return Request("GET", "/audit", params={**params, **({"forced": "true"} if forced else {})})
 
 
 def check(reply: httpx.Response, address: str) -> None:

@@ -19,6 +19,7 @@ from fluentboard.api.exchange import Receive, Scope, Send
 from fluentboard.api.fluents import FluentRoutes
 from fluentboard.api.frames import FrameRoutes
 from fluentboard.api.graph_store import GraphStoreRoutes
+from fluentboard.api.keeping import KeepingRoutes
 from fluentboard.api.live import LiveRoutes
 from fluentboard.api.loading import reader_for
 from fluentboard.api.metrics import Metrics
@@ -153,6 +154,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *live.operations(),
         *sepa.operations(),
         *frames.operations(),
+        *KeepingRoutes(blackboard).operations(),
         *system.operations(),
         *metrics.operations(),
     ]

@@ -285,6 +285,42 @@ class ImportReceipt(_Schema):
     warnings: list[str] = Field(description="At most 100 of them.")
 
 
+class AuditChange(_Schema):
+    """What a commit did to a fluent."""
+
+    event: str = Field(description="added, refined, ended or corrected.")
+    name: str = Field(description="Of the fluent.")
+    class_name: str = Field(alias="class", description="Of the fluent.")
+
+
+class AuditStatements(_Schema):
+    """What a commit changed outside fluents."""
+
+    graph: str = Field(description="IRI of the named graph; empty for the default graph.")
+    ontology: str = Field(description="Name of the ontology that was loaded; empty for an update.")
+    added: int = Field(description="How many statements came.")
+    removed: int = Field(description="How many statements went.")
+
+
+class AuditCommit(_Schema):
+    """Who changed what and when."""
+
+    commit: int = Field(description="Number of the commit.")
+    wall_s: float = Field(description="When, in seconds since the Unix epoch.")
+    author: str = Field(description="Name of the token, or what the client called itself.")
+    reason: str = Field(description="Why, where an admin forced it; otherwise empty.")
+    idempotency_key: str | None = Field(description="Of the request.")
+    fluents: list[AuditChange]
+    statements: list[AuditStatements]
+
+
+class Audit(_Schema):
+    """A part of the audit trail."""
+
+    commits: list[AuditCommit]
+    next: int | None = Field(description="What `after` has to be for more; null at the end.")
+
+
 class FrameReceipt(_Schema):
     """A live frame that is kept."""
 

@@ -14,6 +14,7 @@ from typing import Literal
 
 import pyoxigraph as ox
 
+from fluentboard.board.audit import AuditEntry, AuditFilter
 from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.coming import next_changes
 from fluentboard.board.commands import (
@@ -220,6 +221,10 @@ class Blackboard:
     def commits(self, after: int, up_to: int | None = None) -> Iterator[Commit]:
         """Commits with numbers in (after, up_to], in order."""
         return self._journal.commits(after, up_to)
+
+    def audit(self, wanted: AuditFilter, limit: int = 1_000) -> list[AuditEntry]:
+        """Who changed what and when, at most `limit` commits of it, in order."""
+        return self._journal.audit(wanted, limit)
 
     def statements(self) -> Iterator[StatementsChanged]:
         """What ontologies and graph updates have changed so far, in order."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
+from fluentboard.board.audit import AuditEntry, AuditFilter
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.model.fluent import Fluent
 
@@ -147,4 +148,8 @@ class Journal(CommitLog, Protocol):
 
     def commit_at(self, wall_s: float) -> int:
         """Number of the last commit made at or before a wall-clock time; 0 if there is none."""
+        ...
+
+    def audit(self, wanted: AuditFilter, limit: int) -> list[AuditEntry]:
+        """Who changed what and when, at most `limit` commits of it, in order."""
         ...

@@ -11,6 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from fluentboard.board.audit import AuditEntry, AuditFilter
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.journal import CommitLog, KeyedCommit
 from fluentboard.board.sqlite_journal import SqliteJournal
@@ -128,6 +129,10 @@ class MirroredJournal:
     def commit_at(self, wall_s: float) -> int:
         """See `Journal.commit_at`."""
         return self._mirror.commit_at(wall_s)
+
+    def audit(self, wanted: AuditFilter, limit: int) -> list[AuditEntry]:
+        """See `Journal.audit`."""
+        return self._mirror.audit(wanted, limit)
 
     def close(self) -> None:
         """Lets go of both."""

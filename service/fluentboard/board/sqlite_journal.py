@@ -16,6 +16,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from fluentboard.board.audit import AuditEntry, AuditFilter, audit_query
 from fluentboard.board.commit_signal import CommitSignal
 from fluentboard.board.events import Commit, FluentAdded, FluentEvent, StatementsChanged
 from fluentboard.board.journal import Durability, KeyedCommit
@@ -42,7 +43,9 @@ CREATE TABLE IF NOT EXISTS statements (
     ontology TEXT NOT NULL, digest TEXT NOT NULL, added TEXT NOT NULL, removed TEXT NOT NULL,
     graph_event TEXT NOT NULL, PRIMARY KEY (commit_number, position)) WITHOUT ROWID;
 """
-_VERSION = 2
+FORMAT_VERSION = 2
+"""Of the file; kept in SQLite's `user_version`."""
+
 _STATEMENT_COLUMNS = "graph, added, removed, ontology, digest, graph_event"
 _COLUMNS = (
     "c.commit_number, c.kind, c.name, c.class, c.s1, c.s2, c.f1, c.f2, c.properties, m.author"
@@ -290,6 +293,30 @@ class SqliteJournal:
         )
         return next(iter(rows))[0]
 
+    def audit(self, wanted: AuditFilter, limit: int) -> list[AuditEntry]:
+        """Who changed what and when, at most `limit` commits of it, in order."""
+        sql, values = audit_query(wanted, limit)
+        entries = [AuditEntry(*row) for row in self._read(sql, tuple(values))]
+        for entry in entries:
+            entry.fluents = [
+                {"event": kind, "name": name, "class": class_name}
+                for kind, name, class_name in self._read(
+                    "SELECT kind, name, class FROM changes WHERE commit_number = ? "
+                    "ORDER BY position",
+                    (entry.commit,),
+                )
+            ]
+            entry.statements = [
+                {
+                    "graph": change.graph,
+                    "ontology": change.ontology,
+                    "added": change.added.count("\n"),
+                    "removed": change.removed.count("\n"),
+                }
+                for change in self._statements(entry.commit)
+            ]
+        return entries
+
     def close(self) -> None:
         """Lets go of the file, and ends every tail."""
         self._signal.close()
@@ -301,10 +328,10 @@ class SqliteJournal:
     def _prepare(self, durability: Durability) -> None:
         """Checks the format of the file, and makes or completes its tables."""
         (version,) = self._writer.execute("PRAGMA user_version").fetchone()
-        if version not in ((_VERSION,) if self._read_only else (0, 1, _VERSION)):
+        if version not in ((FORMAT_VERSION,) if self._read_only else (0, 1, FORMAT_VERSION)):
             raise StorageFailed(
-                f"journal {self._path} has format {version}, this fluentboard reads {_VERSION}; "
-                "use the version that wrote it"
+                f"journal {self._path} has format {version}, this fluentboard reads "
+                f"{FORMAT_VERSION}; use the version that wrote it"
             )
         if self._read_only:
             self._writer.execute("PRAGMA query_only = ON")
@@ -315,7 +342,7 @@ class SqliteJournal:
                 "ALTER TABLE statements ADD COLUMN graph_event TEXT NOT NULL DEFAULT ''"
             )
         self._writer.executescript(_SCHEMA)
-        self._writer.execute(f"PRAGMA user_version = {_VERSION}")
+        self._writer.execute(f"PRAGMA user_version = {FORMAT_VERSION}")
 
     def _connect(self) -> sqlite3.Connection:
         connection = sqlite3.connect(

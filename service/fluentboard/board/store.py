@@ -25,10 +25,11 @@ FunctionsAt = Callable[[int], Mapping[ox.NamedNode, Any]]
 
 _ATTEMPTS = 4
 _PATIENCE_S = 0.02
-_META = ox.NamedNode(FB + "meta")
+META = ox.NamedNode(FB + "meta")
+"""Hidden graph: which commit the store is at."""
 SAID = ox.NamedNode(FB + "said")
 """Hidden graph: what updates have said in the default graph, besides what ontologies say."""
-HIDDEN_GRAPHS = frozenset({_META, SAID})
+HIDDEN_GRAPHS = frozenset({META, SAID})
 """The board's own notes; no query sees them unless it names them."""
 _APPLIED = ox.NamedNode(FB + "appliedCommit")
 _STATE = ox.NamedNode(FB + "state")
@@ -85,7 +86,7 @@ class EmbeddedStore:
 
         After a loss of power the store may then hold statements that the journal has lost.
         """
-        marks = [q.object for q in self._store.quads_for_pattern(None, _STATE, None, _META)]
+        marks = [q.object for q in self._store.quads_for_pattern(None, _STATE, None, META)]
         return any(isinstance(mark, ox.Literal) and mark.value == "process" for mark in marks)
 
     def __len__(self) -> int:
@@ -175,10 +176,10 @@ class EmbeddedStore:
         Args:
             state: durability of the journal while a process writes, "closed" after it stopped.
         """
-        old = list(self._store.quads_for_pattern(None, None, None, _META))
+        old = list(self._store.quads_for_pattern(None, None, None, META))
         mark = [
-            ox.Quad(_META, _APPLIED, ox.Literal(str(self._applied), datatype=_INTEGER), _META),
-            ox.Quad(_META, _STATE, ox.Literal(state), _META),
+            ox.Quad(META, _APPLIED, ox.Literal(str(self._applied), datatype=_INTEGER), META),
+            ox.Quad(META, _STATE, ox.Literal(state), META),
         ]
         # First add, then remove: a crash in between leaves two marks, and the lower one counts.
         self._store.extend(mark)
@@ -325,9 +326,22 @@ class EmbeddedStore:
             ) from None
         return applied
 
+    def everything(self) -> Iterator[ox.Quad]:
+        """All statements of all graphs, the board's own notes too, at this moment."""
+        return iter(self._store)
+
+    def compact(self) -> None:
+        """Rewrites the files without what was removed; takes a while."""
+        self._store.optimize()
+
     def flush(self) -> None:
         """Writes memory tables to disk."""
         self._store.flush()
+
+    def let_go(self) -> None:
+        """Lets go of the files without leaving a mark."""
+        self._store.flush()
+        del self._store
 
     def close(self) -> None:
         """Marks the store as closed in order and lets go of its files."""
@@ -338,7 +352,7 @@ class EmbeddedStore:
     def _marked(self) -> int:
         marks = [
             int(quad.object.value)
-            for quad in self._store.quads_for_pattern(None, _APPLIED, None, _META)
+            for quad in self._store.quads_for_pattern(None, _APPLIED, None, META)
             if isinstance(quad.object, ox.Literal)
         ]
         return min(marks, default=0)

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from fluentboard import __version__
-from fluentboard.cli import objects, queries, serve, transfer
+from fluentboard.cli import keeping, objects, queries, serve, transfer
 from fluentboard.errors import FluentboardError
 
 ENTRY_POINT_GROUP = "fluentboard.commands"
@@ -30,7 +30,13 @@ def create_app() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_describe)
-    for register in (serve.register, transfer.register, queries.register, objects.register):
+    for register in (
+        serve.register,
+        transfer.register,
+        queries.register,
+        objects.register,
+        keeping.register,
+    ):
         register(app)
     for entry_point in sorted(entry_points(group=ENTRY_POINT_GROUP)):
         try:

@@ -101,10 +101,10 @@ def export_file(
             return
         with _progress() as progress:
             task = progress.add_task(f"Exporting to {output.name}", total=None)
-            _write_whole(output, _watched(pieces, progress, task))
+            write_whole(output, _watched(pieces, progress, task))
 
 
-def _write_whole(path: Path, pieces: Iterator[bytes]) -> None:
+def write_whole(path: Path, pieces: Iterator[bytes]) -> None:
     """Writes a file that appears under its name only once it is complete."""
     partial = path.with_name(path.name + ".partial")
     try:
