@@ -113,4 +113,9 @@ def term_text(value: Term | None) -> str:
         return value.name
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    # Six digits are enough of a length, not of a time in seconds since 1970.
+    if 1e5 <= abs(value) < 1e13:
+        return f"{value:.3f}".rstrip("0").rstrip(".")
+    return f"{value:.6g}"
