@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -45,6 +46,9 @@ Launch = Callable[[Callable[[WorkerState], object]], Process]
 """Starts the process; its argument is called whenever the process says how it is doing."""
 
 
+_DROPS_TOLD_EVERY_S = 10.0
+
+
 class Watched:
     """Starts a process, and starts it again when it crashes.
 
@@ -85,6 +89,8 @@ class Watched:
         self._lock = threading.Lock()
         self._run: WorkerRun | None = None
         self._ended: list[WorkerRun] = []
+        self._told_dropped = 0
+        self._told_at_s = -math.inf
 
     @property
     def is_at_rest(self) -> bool:
@@ -125,6 +131,7 @@ class Watched:
         name = f"{self.name}Run{round(started_s * 1000)}"
         # The process may speak before we know its number.
         with self._lock:
+            self._told_dropped, self._told_at_s = 0, -math.inf
             self._run = WorkerRun(
                 name, self.name, self._source, 0, self.restarts, started_s, started_s
             )
@@ -144,14 +151,22 @@ class Watched:
             if state.total is None and state.last_stamp_s is not None and state != run.state:
                 lag_s = now_s - state.last_stamp_s
             self._run = replace(run, heartbeat_s=now_s, state=state, last_lag_s=lag_s)
-            dropped = state.dropped - run.state.dropped
-        if dropped > 0:
-            logger.info(
-                "%s: dropped %d frames, %d in all: slower than its sensor",
-                self.name,
-                dropped,
-                state.dropped,
-            )
+        self._tell_dropped(state.dropped)
+
+    def _tell_dropped(self, dropped: int) -> None:
+        """Says so when frames are dropped: at once, and then at most every 10 s."""
+        now_s = self._monotonic_s()
+        with self._lock:
+            before = self._told_dropped
+            if dropped <= before or now_s - self._told_at_s < _DROPS_TOLD_EVERY_S:
+                return
+            self._told_dropped, self._told_at_s = dropped, now_s
+        logger.info(
+            "%s: dropped %d frames, %d in all: slower than its sensor",
+            self.name,
+            dropped - before,
+            dropped,
+        )
 
     def _look(self) -> None:
         assert self.process is not None

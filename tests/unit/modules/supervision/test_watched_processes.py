@@ -136,8 +136,12 @@ def test_dropped_frames_are_logged(machine: Machine, caplog: pytest.LogCaptureFi
     watched = machine.watch()
     watched.tick()
     machine.started[0].beat(WorkerState(7, None, 12, 1000.0, 4, ""))
+    assert "mapping: dropped 4 frames, 4 in all: slower than its sensor" in caplog.text
     machine.started[0].beat(WorkerState(8, None, 15, 1000.0, 6, ""))
-    assert "mapping: dropped 2 frames, 6 in all: slower than its sensor" in caplog.text
+    assert "6 in all" not in caplog.text  # not every second
+    machine.wait(11.0)
+    machine.started[0].beat(WorkerState(9, None, 18, 1011.0, 9, ""))
+    assert "mapping: dropped 5 frames, 9 in all: slower than its sensor" in caplog.text
 
 
 def test_late_word_of_a_dead_process_is_not_that_of_the_next(machine: Machine) -> None:
