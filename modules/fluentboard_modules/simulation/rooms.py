@@ -328,7 +328,7 @@ def with_clutter(scene: Scene, name: str, count: int, rng: np.random.Generator) 
         tableware.bowl(),
         tableware.pepper_mill(),
         belongings.laptop(),
-        replace(lying, name="book_lying"),
+        replace(lying, name=f"book_lying_{bytes(lying.colour).hex()}"),
         belongings.candle(),
     )
     for _ in range(count):

@@ -206,8 +206,10 @@ def _lay_place(
     config: TableSettingConfig,
     service: TableService,
 ) -> Scene:
-    colours = service.mug_colours
-    mug = replace(service.model("Mug"), colour=colours[int(rng.integers(len(colours)))])
+    colour = service.mug_colours[int(rng.integers(len(service.mug_colours)))]
+    plain = service.model("Mug")
+    # Models of one name are alike, their colour too: a scene file has one entry for each name.
+    mug = replace(plain, name=f"{plain.name}_{bytes(colour).hex()}", colour=colour)
     side = -1.0 if config.left_handed > 0.0 and rng.random() < config.left_handed else 1.0
     top = support_of(table)
     mess = config.untidiness

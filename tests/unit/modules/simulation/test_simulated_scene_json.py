@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,14 @@ import pytest
 from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.simulation.furniture import table
+from fluentboard_modules.simulation.rooms import furnished_room
 from fluentboard_modules.simulation.scene import Instance, Scene, SearchVolume
-from fluentboard_modules.simulation.scene_json import scene_from_json, scene_to_json
+from fluentboard_modules.simulation.scene_json import (
+    load_scene,
+    save_scene,
+    scene_from_json,
+    scene_to_json,
+)
 from fluentboard_modules.simulation.tableware import mug
 
 SCENE = Scene(
@@ -91,3 +98,12 @@ def test_what_is_wrong_with_a_scene_is_named(
     damage(document)
     with pytest.raises(InvalidInput, match=complaint):
         scene_from_json(document)
+
+
+def test_things_keep_their_colours(tmp_path: Path):
+    scene = furnished_room(np.random.default_rng(2))
+    save_scene(scene, tmp_path / "room.json")
+    again = load_scene(tmp_path / "room.json")
+    for thing in scene.instances:
+        assert again[thing.name].model.colour == thing.model.colour, thing.name
+        assert again[thing.name].model.polished == thing.model.polished
