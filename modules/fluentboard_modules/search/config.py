@@ -97,3 +97,39 @@ class ViewSamplingConfig(_Settings):
     camera_height_m: tuple[float, float] | None = Field(
         default=None, description="Narrower than the robot's own limits; null: those."
     )
+
+
+class SearchConfig(_Settings):
+    """A whole search: when it ends, and what it plans with."""
+
+    resolution_m: float = Field(
+        default=0.05, gt=0.0, description="Side of a cell; the thesis's map has 5 cm."
+    )
+    threshold: float = Field(
+        default=0.05,
+        ge=0.0,
+        lt=1.0,
+        description="omega: given up when all views together promise less.",
+    )
+    time_budget_s: float | None = Field(default=None, gt=0.0)
+    recall: float = Field(default=1.0, gt=0.0, le=1.0, description="Of the detector, per look.")
+    object_size_m: float = Field(
+        default=0.0, ge=0.0, description="Unknown gaps that cannot hold such a cube are given up."
+    )
+    count_unknown_only: bool = Field(
+        default=False, description="N_i of Eq. 5.1 counts the cells unknown at first, not all."
+    )
+    new_views: int = Field(
+        default=40, ge=0, description="Views drawn anew before every plan, as far as there is room."
+    )
+    misses_max: int = Field(
+        default=2,
+        ge=1,
+        description="A cell that stays unknown in so many looks that should show it is given up.",
+    )
+    fade_half_life_s: float | None = Field(
+        default=None, gt=0.0, description="Knowledge of the map fades with it; null: never."
+    )
+    sensor: SensorModelConfig = SensorModelConfig()
+    sampling: ViewSamplingConfig = ViewSamplingConfig()
+    planner: PlannerConfig = PlannerConfig()

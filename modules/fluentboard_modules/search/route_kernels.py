@@ -91,11 +91,9 @@ def path_cost_table(
         table[i, i] = 0.0
         left = 0
         for j in range(i + 1, count):
-            wanted[cells[j]] = 1
-        for j in range(i + 1, count):
-            if wanted[cells[j]] == 1:
-                wanted[cells[j]] = 2
-                left += 2
+            if wanted[cells[j]] <= 0:
+                wanted[cells[j]] = 1
+                left += 1
         if left == 0:
             break
         cost[:] = np.inf
@@ -104,3 +102,28 @@ def path_cost_table(
             wanted[cells[j]] = 0
             table[i, j] = cost[cells[j]]
             table[j, i] = cost[cells[j]]
+
+
+@_jit
+def path_costs_between(
+    price: Any, columns: int, sources: Any, goals: Any, width: float, buckets: int, room: int,
+    table: Any,
+) -> None:  # fmt: skip
+    """Fills an `(n, m)` table with the costs of the ways from each source to each goal."""
+    cost = np.zeros(price.shape[0])
+    wanted = np.zeros(price.shape[0], np.int32)
+    queue = np.zeros((buckets, room), np.int32)
+    filled = np.zeros(buckets, np.int64)
+    for i in range(sources.shape[0]):
+        left = 0
+        for j in range(goals.shape[0]):
+            if wanted[goals[j]] <= 0:
+                wanted[goals[j]] = 1
+                left += 1
+        cost[:] = np.inf
+        path_costs_from(
+            price, columns, sources[i], width, buckets, wanted, left, cost, queue, filled
+        )
+        for j in range(goals.shape[0]):
+            wanted[goals[j]] = 0
+            table[i, j] = cost[goals[j]]

@@ -19,6 +19,95 @@ from fluentboard_modules.simulation.robots import DRIVES_FROM_M, RobotModel, Vie
 _LEAST_PRICE = 50.0  # navfn's cost of a free cell
 
 
+class Routes:
+    """The cheapest ways over a costmap.
+
+    Args:
+        costmap: where the base can drive.
+        clusters: plan ways between so many representatives only, and take those for all places
+            near them (Section 5.2.2); for maps much larger than some rooms. None: exact.
+    """
+
+    def __init__(self, costmap: Costmap, clusters: int | None = None) -> None:
+        rows, columns = costmap.cost.shape
+        price = np.full((rows + 2, columns + 2), np.inf)
+        price[1:-1, 1:-1] = cell_prices(costmap)
+        self._costmap = costmap
+        self._clusters = clusters
+        self._columns = columns + 2
+        self._price = price.ravel()
+        longest = 2.0**0.5 * float(price[np.isfinite(price)].max(initial=_LEAST_PRICE))
+        self._buckets = int(longest / _LEAST_PRICE) + 3
+
+    def among(self, places: FloatArray) -> FloatArray:
+        """`(n, n)`; costs of the ways between places `(n, 2)`, infinite where there is none."""
+        cell = self._cells(places)
+        group = np.arange(len(places))
+        if self._clusters is not None:
+            group = _clustered(places, cell >= 0, self._clusters)
+        chosen, number = np.unique(cell[group], return_inverse=True)
+        table = np.full((len(chosen), len(chosen)), np.inf)
+        first = int(np.searchsorted(chosen, 0))  # what is not free comes before
+        kernels.path_cost_table(
+            self._price, self._columns, chosen[first:], _LEAST_PRICE, self._buckets,
+            self._price.size, table[first:, first:],
+        )  # fmt: skip
+        return table[np.ix_(number, number)]
+
+    def between(self, sources: FloatArray, goals: FloatArray) -> FloatArray:
+        """`(n, m)`; costs of the ways from places `(n, 2)` to places `(m, 2)`."""
+        start, goal = self._cells(sources), self._cells(goals)
+        table = np.full((len(start), len(goal)), np.inf)
+        kernels.path_costs_between(
+            self._price, self._columns, np.maximum(start, 0), np.maximum(goal, 0), _LEAST_PRICE,
+            self._buckets, self._price.size, table,
+        )  # fmt: skip
+        table[start < 0] = np.inf
+        table[:, goal < 0] = np.inf
+        return table
+
+    def _cells(self, places: FloatArray) -> NDArray[np.int64]:
+        """`(n,)`; numbers of the cells of places, -1 where the base cannot stand."""
+        costmap = self._costmap
+        rows, columns = costmap.cost.shape
+        row = np.floor((places[:, 1] - costmap.origin[1]) / costmap.resolution_m).astype(np.int64)
+        column = np.floor((places[:, 0] - costmap.origin[0]) / costmap.resolution_m)
+        column = column.astype(np.int64)
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        row, column = np.where(inside, row, 0), np.where(inside, column, 0)
+        free = inside & (costmap.cost[row, column] < INSCRIBED)
+        return np.where(free, (row + 1) * self._columns + column + 1, -1)
+
+
+def places_of(views: Sequence[View]) -> FloatArray:
+    """`(n, 2)`; base positions of views."""
+    return np.array([[view.x, view.y] for view in views]).reshape(-1, 2)
+
+
+def seconds_between(
+    model: RobotModel, sources: Sequence[View], goals: Sequence[View], costs: FloatArray
+) -> FloatArray:
+    """`(n, m)`; transition times between views whose ways cost `costs` `(n, m)`."""
+    here, there = (
+        np.array([[v.x, v.y, v.yaw_rad, v.torso_m, v.pan_rad, v.tilt_rad] for v in views]).reshape(
+            -1, 6
+        )
+        for views in (sources, goals)
+    )
+    change = there[None] - here[:, None]
+    far = np.hypot(change[..., 0], change[..., 1]) > DRIVES_FROM_M
+    turn = np.abs(change[..., 2]) % (2.0 * np.pi)
+    turn = np.minimum(turn, 2.0 * np.pi - turn)
+    driving = np.where(
+        far, model.seconds_per_cost * costs + model.drive_start_s, turn / model.turn_rad_s
+    )
+    seconds = driving + np.abs(change[..., 3]) / model.lift_m_s
+    head = np.abs(change[..., 4:]).max(axis=-1, initial=0.0) / model.head_rad_s
+    seconds = np.where(seconds == 0.0, head, seconds) + model.acquisition_s
+    # Two views at one place: no way is needed, but the place must be one to stand at.
+    return np.where(np.isfinite(costs), seconds, np.inf)
+
+
 def transition_times_s(
     model: RobotModel,
     costmap: Costmap,
@@ -29,63 +118,18 @@ def transition_times_s(
     """`(v + 1, v + 1)`; seconds from each view (row) to each other (column), 0 for the start.
 
     The time of a view includes the look there. Infinite where no way leads, or where the base
-    cannot stand at the goal. Times between two views are symmetric, as the ways are.
+    cannot stand. Symmetric, as the ways are.
 
     Args:
         model: of the robot.
         costmap: where its base can drive.
         start: where it is.
         views: where it may look.
-        clusters: plan ways between so many representatives only, and take those for all views near
-            them (Section 5.2.2); for maps much larger than some rooms. All views if not given.
+        clusters: see `Routes`.
     """
     everything = [start, *views]
-    places = np.array([[v.x, v.y] for v in everything])
-    costs = _path_costs(costmap, places, clusters)
-    yaw = np.array([v.yaw_rad for v in everything])
-    torso = np.array([v.torso_m for v in everything])
-    pan = np.array([v.pan_rad for v in everything])
-    tilt = np.array([v.tilt_rad for v in everything])
-    far = np.linalg.norm(places[:, None] - places[None], axis=-1) > DRIVES_FROM_M
-    turn = np.abs(_apart(yaw))
-    turn = np.minimum(turn % (2.0 * np.pi), 2.0 * np.pi - turn % (2.0 * np.pi))
-    moving = np.where(
-        far, model.seconds_per_cost * costs + model.drive_start_s, turn / model.turn_rad_s
-    )
-    seconds = moving + np.abs(_apart(torso)) / model.lift_m_s
-    head = np.maximum(np.abs(_apart(pan)), np.abs(_apart(tilt))) / model.head_rad_s
-    seconds = np.where(seconds == 0.0, head, seconds) + model.acquisition_s
-    # Two views at one place: no way is needed, but the place must be one to stand at.
-    return np.where(np.isfinite(costs), seconds, np.inf)
-
-
-def _apart(values: FloatArray) -> FloatArray:
-    return values[None, :] - values[:, None]
-
-
-def _path_costs(costmap: Costmap, places: FloatArray, clusters: int | None) -> FloatArray:
-    """`(n, n)`; costs of the cheapest ways between places, infinite where there is none."""
-    rows, columns = costmap.cost.shape
-    row = np.floor((places[:, 1] - costmap.origin[1]) / costmap.resolution_m).astype(np.int64)
-    column = np.floor((places[:, 0] - costmap.origin[0]) / costmap.resolution_m).astype(np.int64)
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    row, column = np.where(inside, row, 0), np.where(inside, column, 0)
-    free = inside & (costmap.cost[row, column] < INSCRIBED)
-    price = np.full((rows + 2, columns + 2), np.inf)
-    price[1:-1, 1:-1] = cell_prices(costmap)
-    cell = (row + 1) * (columns + 2) + column + 1
-    group = np.arange(len(places)) if clusters is None else _clustered(places, free, clusters)
-    chosen, number = np.unique(cell[group[free]], return_inverse=True)
-    table = np.full((len(chosen), len(chosen)), np.inf)
-    longest = 2.0**0.5 * float(price[np.isfinite(price)].max(initial=_LEAST_PRICE))
-    buckets = int(longest / _LEAST_PRICE) + 3
-    kernels.path_cost_table(
-        price.ravel(), columns + 2, chosen, _LEAST_PRICE, buckets, price.size, table
-    )
-    costs = np.full((len(places), len(places)), np.inf)
-    standing = np.flatnonzero(free)
-    costs[np.ix_(standing, standing)] = table[np.ix_(number, number)]
-    return costs
+    costs = Routes(costmap, clusters).among(places_of(everything))
+    return seconds_between(model, everything, everything, costs)
 
 
 def _clustered(places: FloatArray, free: NDArray[np.bool_], clusters: int) -> NDArray[np.int64]:

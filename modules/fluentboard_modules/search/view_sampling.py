@@ -40,6 +40,12 @@ class SampledViews:
     ptr: NDArray[np.int64]
     cells: NDArray[np.int64]
 
+    @classmethod
+    def joined(cls, views: Sequence[View], cells: Sequence[NDArray[np.int64]]) -> SampledViews:
+        """Views with the cells of each."""
+        ptr = np.concatenate([[0], np.cumsum([len(c) for c in cells])]).astype(np.int64)
+        return cls(tuple(views), ptr, np.concatenate(cells) if cells else np.zeros(0, np.int64))
+
     def __len__(self) -> int:
         return len(self.views)
 
@@ -118,10 +124,7 @@ class VisibleCells:
 
     def of_all(self, views: Sequence[View]) -> SampledViews:
         """Views with what they would reveal, those that reveal nothing included."""
-        each = [self.of(view) for view in views]
-        ptr = np.concatenate([[0], np.cumsum([len(c) for c in each])]).astype(np.int64)
-        cells = np.concatenate(each) if each else np.zeros(0, np.int64)
-        return SampledViews(tuple(views), ptr, cells)
+        return SampledViews.joined(views, [self.of(view) for view in views])
 
 
 def sample_views(
@@ -192,9 +195,7 @@ def sample_views(
                     break
         if time.perf_counter() - begun > config.time_limit_s:
             break
-    ptr = np.concatenate([[0], np.cumsum([len(c) for c in each])]).astype(np.int64)
-    cells = np.concatenate(each) if each else np.zeros(0, np.int64)
-    return SampledViews(tuple(chosen), ptr, cells)
+    return SampledViews.joined(chosen, each)
 
 
 def _ray_bundle(model: RobotModel, rays: tuple[int, int]) -> FloatArray:
