@@ -17,6 +17,7 @@ from fluentboard_modules.command_options import (
     needs_extra,
 )
 from fluentboard_modules.frames import commands as frame_commands
+from fluentboard_modules.search import commands as search_commands
 from fluentboard_modules.simulation import commands as simulation_commands
 from fluentboard_modules.supervision import commands as supervision_commands
 
@@ -62,6 +63,7 @@ def register(app: typer.Typer) -> None:
     evaluate.command(
         "mapping", epilog="Examples:\n\nfluentboard evaluate mapping --seed 1 --seed 2"
     )(evaluate_mapping)
+    search_commands.register(app, work, evaluate)
     app.add_typer(evaluate, name="evaluate")
     app.command(
         "demo",

@@ -139,7 +139,5 @@ def _table_5_1(measured: dict[str, float]) -> Table:
         ("View sampling (200 views)", "views", "2.4 ± 0.1 s"),
         ("Transition times (all pairs; the thesis: 50 clusters)", "times", "6.4 ± 0.6 s"),
     ):
-        table.add_row(
-            name, f"{measured[key + '_s']:.2f} ± {measured[key + '_sd_s']:.2f} s", thesis
-        )
+        table.add_row(name, f"{measured[key + '_s']:.2f} ± {measured[key + '_sd_s']:.2f} s", thesis)
     return table

@@ -115,7 +115,9 @@ class ObjectSearch:
         self._integrate(self._robot.sense())
         self._note(self._robot.time_s - began, 0.0)
 
-    def step(self, before_moving: Callable[[SearchStep], object] | None = None) -> SearchStep | None:
+    def step(
+        self, before_moving: Callable[[SearchStep], object] | None = None
+    ) -> SearchStep | None:
         """Plans, takes the first view, and looks; None when the search is over.
 
         Why it is over says the record's `outcome`. A view that cannot be reached is given up, and
@@ -209,7 +211,7 @@ class ObjectSearch:
         )
 
     def _draw(self, visible: VisibleCells) -> None:
-        """Draws new views, as many as there is room for, with the ways between them and all others."""
+        """Draws new views where there is room for more, with the ways to all others."""
         config = self._config
         room = max(0, config.sampling.views - len(self._views))
         wanted = room if not self._views else min(config.new_views, room)

@@ -50,6 +50,6 @@ def surface_points(corners: FloatArray, spacing_m: float) -> FloatArray:
         inside = i + j <= count
         u, v = i[inside] / count, j[inside] / count
         weights = np.stack([1.0 - u - v, u, v], axis=1)
-        for part in np.array_split(corners[steps == count], max(1, int(count) ** 2 // 20_000)):
-            found.append(np.einsum("pk,mkc->mpc", weights, part).reshape(-1, 3))
+        parts = np.array_split(corners[steps == count], max(1, int(count) ** 2 // 20_000))
+        found += [np.einsum("pk,mkc->mpc", weights, part).reshape(-1, 3) for part in parts]
     return np.concatenate(found)

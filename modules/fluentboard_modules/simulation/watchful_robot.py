@@ -39,9 +39,7 @@ class WatchfulSimulatedRobot(SimulatedRobot):
         if self._attention is None or math.hypot(view.x - start.x, view.y - start.y) < 0.05:
             return seconds
         points = self._map.path((start.x, start.y), (view.x, view.y)).points
-        along = np.concatenate(
-            [[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-        )
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         stops = np.arange(_BETWEEN_FRAMES_M, along[-1] - 0.1, _BETWEEN_FRAMES_M)
         self._seen = tuple(
             (share, self._look(points[int(np.searchsorted(along, s))], view, began, seconds, share))

@@ -1,0 +1,160 @@
+"""A search in a simulated room: it ends, it counts its time, it survives what goes wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fluentboard.errors import UnreachableView
+from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
+from fluentboard_modules.search.evaluation import (
+    export_trial,
+    half_interval,
+    run_trial,
+    summarise,
+    world_of,
+)
+from fluentboard_modules.search.execution import ObjectSearch
+from fluentboard_modules.search.occupancy import OccupancyMap
+from fluentboard_modules.search.planners import Greedy, IteratedLocalSearch
+from fluentboard_modules.search.planning import PlanningProblem, carry_out
+from fluentboard_modules.search.record import Moment, SearchRecord, SearchStep
+from fluentboard_modules.search.region import SearchVolume, region_of
+from fluentboard_modules.simulation.robots import PR2, View
+from fluentboard_modules.simulation.search_scenes import SearchScene, hidden_pepper_mill
+from fluentboard_modules.simulation.watchful_robot import WatchfulSimulatedRobot
+
+CONFIG = SearchConfig(
+    resolution_m=0.1,
+    threshold=0.2,
+    new_views=5,
+    sampling=ViewSamplingConfig(views=25, rays=(32, 24)),
+    planner=PlannerConfig(rounds_max=3, idle_rounds=2),
+)
+
+
+@pytest.fixture(scope="module")
+def room() -> SearchScene:
+    return hidden_pepper_mill(1)
+
+
+def search_in(
+    room: SearchScene, config: SearchConfig = CONFIG, robot: WatchfulSimulatedRobot | None = None
+) -> ObjectSearch:
+    if robot is None:
+        robot = WatchfulSimulatedRobot(
+            PR2, room.scene, room.start, np.random.default_rng(0), image_width=80
+        )
+    occupancy = OccupancyMap(config.resolution_m)
+    volumes = [SearchVolume(v.name, v.box, 0.2) for v in room.scene.search_volumes]
+    return ObjectSearch(
+        robot,
+        occupancy,
+        region_of(occupancy, volumes),
+        robot.costmap,
+        config,
+        np.random.default_rng(1),
+    )
+
+
+def test_a_search_goes_on_until_little_is_left_to_see(room: SearchScene) -> None:
+    search = search_in(room)
+    search.look_around()
+    steps: list[SearchStep] = []
+    while (step := search.step()) is not None:
+        steps.append(step)
+        assert len(steps) < 40
+    record = search.record
+    assert record.outcome == "below-threshold"
+    assert record.steps == steps
+    probability = [m.probability for m in record.moments]
+    assert probability == sorted(probability)
+    assert probability[-1] > 0.4
+    assert 0.0 < record.expected_time_s(with_planning=False) < record.duration_s
+    assert all(step.revealed_cells >= 0 for step in steps)
+    assert sum(len(step.path) > 1 for step in steps) > 2
+
+
+def test_the_same_seed_gives_the_same_search(room: SearchScene) -> None:
+    searches = [search_in(room), search_in(room)]
+    for search in searches:
+        search.step()
+        search.step()
+    first, second = (search.record for search in searches)
+    assert [s.view for s in first.steps] == [s.view for s in second.steps]
+
+
+def test_a_search_ends_with_its_budget(room: SearchScene) -> None:
+    search = search_in(room, CONFIG.model_copy(update={"time_budget_s": 1.0}))
+    assert search.step() is not None
+    assert search.step() is None
+    assert search.record.outcome == "out-of-time"
+
+
+class StubbornRobot(WatchfulSimulatedRobot):
+    """Does not get anywhere."""
+
+    def move_to(self, view: View) -> float:
+        raise UnreachableView("something stands in the way; remove it")
+
+
+def test_a_view_that_cannot_be_reached_is_given_up(room: SearchScene) -> None:
+    robot = StubbornRobot(PR2, room.scene, room.start, np.random.default_rng(0), image_width=80)
+    search = search_in(room, robot=robot)
+    first, second = search.step(), search.step()
+    assert first is not None
+    assert second is not None
+    assert not first.is_reached
+    assert first.view not in second.candidates
+    assert second.view != first.view
+
+
+def test_cells_of_others_are_left_to_them(room: SearchScene) -> None:
+    search = search_in(room)
+    search.elsewhere[:] = True
+    assert search.step() is None
+    assert search.record.outcome == "exhausted"
+
+
+def test_the_step_is_shown_before_the_robot_moves(room: SearchScene) -> None:
+    search = search_in(room)
+    shown: list[View] = []
+    step = search.step(lambda planned: shown.append(planned.view))
+    assert step is not None
+    assert shown == [step.view]
+
+
+def test_the_expected_time_weighs_each_second_with_the_chance_to_need_it() -> None:
+    record = SearchRecord(View(0.0, 0.0, 0.0))
+    record.moments += [Moment(10.0, 1.0, 0.5), Moment(20.0, 1.0, 0.5), Moment(30.0, 2.0, 0.75)]
+    assert record.expected_time_s(False) == pytest.approx(10.0 + 5.0 + 5.0)
+    assert record.expected_time_s() == pytest.approx(10.0 + 5.0 + 5.0 + 1.0 + 0.5)
+
+
+def test_exported_trials_can_be_planned_anew(room: SearchScene, tmp_path: Path) -> None:
+    world = world_of(room.scene)
+    planners = [Greedy(), IteratedLocalSearch(PlannerConfig(rounds_max=2))]
+    trial = run_trial(world, "offline", 3, 0, planners)
+    export_trial(trial, tmp_path)
+    with np.load(tmp_path / "instance-03.npz") as stored:
+        times = stored["T"]
+        assert times.shape == (len(stored["view_ptr"]),) * 2
+        assert np.allclose(times[1:, 1:], times[1:, 1:].T)
+        problem = PlanningProblem(
+            stored["cell_p"],
+            stored["view_ptr"],
+            stored["view_cells"],
+            times,
+            float(stored["omega"]),
+        )
+    plans = json.loads((tmp_path / "plans-03.json").read_text())
+    for plan in plans.values():
+        again = carry_out(problem, plan["views"])
+        assert again.expected_time_s == pytest.approx(plan["expected_time_s"])
+    assert plans["local search"]["expected_time_s"] <= plans["greedy"]["expected_time_s"]
+    rows = summarise([trial], [p.name for p in planners])
+    assert rows[0].against_greedy == pytest.approx(0.0)
+    assert half_interval(np.array([1.0, 2.0, 3.0])) == pytest.approx(2.484, abs=1e-3)
