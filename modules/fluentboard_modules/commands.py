@@ -49,7 +49,8 @@ def register(app: typer.Typer) -> None:
     work.command(
         "mapping",
         epilog="Examples:\n\nfluentboard work mapping --frames ./kitchen --plot pictures\n\n"
-        "fluentboard work mapping --frames simulated-restaurant:7 -b http://robot1:8080",
+        "fluentboard work mapping --frames simulated-restaurant:7 -b http://robot1:8080\n\n"
+        "fluentboard work mapping --frames ./office --models ./cad",
     )(work_mapping)
     work.command(
         "anchoring",
@@ -87,13 +88,21 @@ def work_mapping(
         Path | None,
         typer.Option(metavar="FILE", help='Write the map frame there, as {"T_map_world": 4x4}.'),
     ] = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="CAD models (STL, OBJ, PLY, glTF, COLLADA, SDF) named after furniture classes, "
+            "such as Chair.stl or Shelf/billy.dae: hypotheses are verified with them.",
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(help="Of whatever is random; mapping draws no random numbers.")
     ] = 0,
     token: Token = None,
     verbose: Verbose = False,
 ) -> None:
-    """Map furniture: planes of the frames, classified by the rules of the ontology.
+    """Map furniture: planes, classified by the rules of the ontology, verified with CAD models.
 
     Writes furniture with poses, boxes and the planes and rules that explain it, placing areas, and
     the map frame. Waits for the board if it is away. Ends with the recording, or cleanly at
@@ -110,6 +119,7 @@ def work_mapping(
         plot=plot,
         frame_out=frame_out,
         token=token,
+        models=models,
     )
     typer.echo(
         f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "

@@ -272,6 +272,77 @@ class FusionConfig(_Settings):
     contours: ContourConfig = ContourConfig(simplify_m=0.015, smallest_hole_m2=0.01)
 
 
+class AlignmentConfig(_Settings):
+    """Scene to model ICP (DESIGN: point to point, then point to plane, Tukey, upright)."""
+
+    spacing_m: float = Field(default=0.025, gt=0.0, description="One scene point per such cube.")
+    points_max: int = Field(default=1200, ge=50, description="Scene points that are used.")
+    points_least: int = Field(default=40, ge=3, description="With fewer near the model, it stays.")
+    point_steps: int = Field(default=6, ge=0, description="Point to point.")
+    plane_steps: int = Field(default=10, ge=1, description="Point to plane.")
+    scale_first_m: float = Field(default=0.25, gt=0.0, description="Points beyond do not vote.")
+    scale_last_m: float = Field(default=0.04, gt=0.0, description="And in the last step.")
+    damping: float = Field(
+        default=1.0e-3, gt=0.0, description="Holds what no point binds, per point."
+    )
+    sigma_least_m: float = Field(
+        default=0.01, gt=0.0, description="Residuals are never better than the depth's bias."
+    )
+    independent_share: float = Field(
+        default=0.02, gt=0.0, le=1.0, description="Errors of neighbouring points are alike."
+    )
+
+
+class VisibilityConfig(_Settings):
+    """Counting explained, occluded and violated pixels."""
+
+    tolerance_m: float = Field(
+        default=0.05, gt=0.0, description="Poses and depth agree to 2-4 cm only (7-Scenes)."
+    )
+    tolerance_sigma: float = Field(default=3.0, gt=0.0, description="Far pixels may err by more.")
+    pixel_step: int = Field(default=1, ge=1, description="Every so many pixels of thinned views.")
+    overrun_reach_m: float = Field(
+        default=0.12, gt=0.0, description="A surface that goes on so far beyond the outline does."
+    )
+    overrun_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
+    filled_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
+    floor_clear_m: float = Field(
+        default=0.1, ge=0.0, description="The floor goes on beyond everything that stands on it."
+    )
+    doubt_m2: float = Field(
+        default=0.02, gt=0.0, description="So much violation is assumed before anything is seen."
+    )
+
+
+class VerificationConfig(_Settings):
+    """Hypotheses to verified furniture."""
+
+    is_on: bool = Field(default=True, description="False leaves hypotheses as they are.")
+    alignment: AlignmentConfig = AlignmentConfig()
+    visibility: VisibilityConfig = VisibilityConfig()
+    views_max: int = Field(default=6, ge=1, description="Views that a placement is judged by.")
+    starts_max: int = Field(default=4, ge=1, description="Starts of the ICP, the best first.")
+    crop_margin_m: float = Field(
+        default=0.25, gt=0.0, description="Scene points so far around the model take part."
+    )
+    size_slack_m: float = Field(
+        default=0.12, gt=0.0, description="What is seen of a top may be so much larger than it is."
+    )
+    accept_score: float = Field(
+        default=0.7, ge=0.0, le=1.0, description="Explained share from which it is furniture."
+    )
+    cases_per_frame: int = Field(
+        default=2, ge=1, description="Hypotheses that one frame verifies: 0.1 to 0.3 s each."
+    )
+    again_factor: float = Field(
+        default=1.5, ge=1.0, description="After so many times the frames, it is verified again."
+    )
+    again_moved_m: float = Field(
+        default=0.04, gt=0.0, description="And when the hypothesis has moved or grown by this."
+    )
+    again_turned_rad: float = Field(default=0.07, gt=0.0, description="Or turned by this.")
+
+
 class HypothesisConfig(_Settings):
     """First poses and boxes."""
 
@@ -312,6 +383,19 @@ class FurnitureMapConfig(_Settings):
         le=1.0,
         description="Boxes of one class that overlap so much are one piece.",
     )
+    other_place_overlap: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=1.0,
+        description="Boxes of two classes that overlap so much cannot both be; a chair below a "
+        "table can.",
+    )
+    exact_overlap: float = Field(
+        default=0.15,
+        gt=0.0,
+        le=1.0,
+        description="Pieces with CAD files that fit overlap no more than their poses are wrong.",
+    )
     moved_m: float = Field(
         default=0.02, ge=0.0, description="Smaller changes of pose are not reported."
     )
@@ -330,3 +414,4 @@ class MappingConfig(_Settings):
     surfaces: SurfacesConfig = SurfacesConfig()
     mesh: MeshConfig = MeshConfig()
     furniture: FurnitureMapConfig = FurnitureMapConfig()
+    verification: VerificationConfig = VerificationConfig()

@@ -7,7 +7,7 @@ from typing import Literal
 
 from shapely.geometry import Polygon
 
-from fluentboard.model.geometry import BoundingBox, Pose
+from fluentboard.model.geometry import BoundingBox, FloatArray, Pose
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 
 
@@ -28,6 +28,31 @@ class FurniturePlane:
     n_frames: int
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class CadFit:
+    """The CAD model that explains a piece of furniture, and how well.
+
+    Attributes:
+        model: name of the model.
+        is_exact: whether it came from a CAD file; if not, from the planes of the hypothesis.
+        pose: of the model's frame (footprint's centre on the floor, x to the front); map frame.
+        score: explained share of what was seen of it, in [0, 1].
+        initial_pose: where the planes alone had put it.
+        initial_score: the score there.
+        covariance: `(3, 3)`; of x, y (metres) and yaw (radians) of the pose; map frame.
+        n_views: depth images it was compared with.
+    """
+
+    model: str
+    is_exact: bool
+    pose: Pose
+    score: float
+    initial_pose: Pose
+    initial_score: float
+    covariance: FloatArray
+    n_views: int
+
+
 @dataclass(frozen=True, slots=True)
 class FurnitureItem:
     """A piece of furniture.
@@ -46,6 +71,7 @@ class FurnitureItem:
         alternatives: other classes whose definitions its main plane satisfies.
         first_seen_s: stamp of the first frame that supports it, seconds.
         last_seen_s: stamp of the last frame that saw its main plane, seconds.
+        cad: the model that explains it; None if nothing was verified.
     """
 
     identifier: str
@@ -61,6 +87,7 @@ class FurnitureItem:
     alternatives: tuple[str, ...]
     first_seen_s: float
     last_seen_s: float
+    cad: CadFit | None = None
 
 
 @dataclass(frozen=True, slots=True)

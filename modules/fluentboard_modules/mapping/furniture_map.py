@@ -14,27 +14,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.candidates import (
+    Candidate,
+    case_of,
+    choose,
+    place_candidate,
+    with_verdicts,
+)
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
 from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_item import (
     FurnitureChange,
     FurnitureItem,
-    FurniturePlane,
     box_overlap,
 )
-from fluentboard_modules.mapping.hypotheses import (
-    FurnitureGeometry,
-    place_hypothesis,
-    placing_box,
-)
+from fluentboard_modules.mapping.hypotheses import placing_box
+from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_map import PlaneMap
-from fluentboard_modules.mapping.rule_language import FurnitureClass
-from fluentboard_modules.mapping.rules import (
-    Classification,
-    FurnitureHypothesis,
-    FurnitureRules,
-)
+from fluentboard_modules.mapping.rules import Classification, FurnitureRules
 
 
 @dataclass(slots=True)
@@ -46,19 +44,8 @@ class _Track:
     n_direct: int = 0
     n_without: int = 0  # views in a row of its main plane without a hypothesis
     is_accepted: bool = False
+    is_pending: bool = False  # its present hypothesis has still to be verified
     reported: FurnitureItem | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    """A hypothesis about planes of the map, placed and scored."""
-
-    hypothesis: FurnitureHypothesis
-    geometry: FurnitureGeometry
-    main_plane: int
-    planes: tuple[FurniturePlane, ...]
-    score: float
-    n_frames: int
 
 
 class FurnitureMap:
@@ -68,6 +55,7 @@ class FurnitureMap:
         rules: the furniture ontology.
         config: when a hypothesis is furniture.
         noise: of the depth sensor.
+        judge: verifies hypotheses; without one, all are believed.
     """
 
     def __init__(
@@ -75,7 +63,9 @@ class FurnitureMap:
         rules: FurnitureRules,
         config: FurnitureMapConfig | None = None,
         noise: DepthNoiseConfig | None = None,
+        judge: FurnitureJudge | None = None,
     ) -> None:
+        self._judge = judge
         self._rules = rules
         self._config = config or FurnitureMapConfig()
         self._plane_map = PlaneMap(self._config.fusion, noise or DepthNoiseConfig())
@@ -101,6 +91,8 @@ class FurnitureMap:
             The pieces that appeared, changed or disappeared.
         """
         self._stamp_s = frame.stamp_s
+        if self._judge is not None:
+            self._judge.look(frame)
         plane_of, _ = self._plane_map.update(frame, regions)
         identifiers, map_regions, verdict = self.classified_planes(explain=False)
         candidates = self._candidates(identifiers, map_regions, verdict)
@@ -110,6 +102,22 @@ class FurnitureMap:
         }
         chosen = self._choose(candidates)
         self._follow(chosen, candidates, direct)
+        return self._report()
+
+    def settle(self) -> list[FurnitureChange]:
+        """Verifies everything that is due on all that was seen, after the last frame.
+
+        Returns:
+            The pieces that appeared, changed or disappeared.
+        """
+        identifiers, map_regions, verdict = self.classified_planes(explain=False)
+        candidates = self._candidates(identifiers, map_regions, verdict, settle=True)
+        chosen = self._choose(candidates)
+        self._follow(chosen, candidates, set())
+        for track in self._tracks:
+            # Nothing more will come that could speak for it.
+            if track.n_without > 0 and self._is_rejected(track):
+                track.n_without = self._config.patience_frames + 1
         return self._report()
 
     def furniture(self) -> list[FurnitureItem]:
@@ -140,90 +148,46 @@ class FurnitureMap:
         identifiers: list[int],
         regions: list[PlanarRegion],
         classification: Classification,
-    ) -> list[_Candidate]:
+        *,
+        settle: bool = False,
+    ) -> list[Candidate]:
+        """The hypotheses about planes of the map, placed, verified as far as they are due."""
         planes = self._plane_map.planes
-        found: list[_Candidate] = []
-        for hypothesis in classification.hypotheses:
-            furniture = self._rules.rules.furniture[hypothesis.class_name]
-            geometry = place_hypothesis(hypothesis, furniture, regions, self._config.hypotheses)
-            parts = tuple(
-                FurniturePlane(
-                    identifiers[part.plane],
-                    part.label,
-                    regions[part.plane],
-                    planes[identifiers[part.plane]].n_frames,
-                )
-                for part in hypothesis.planes
-                # Of several backrests only the one that gave the direction explains the chair.
-                if part.label not in furniture.back_planes
-                or geometry.back_plane in (None, part.plane)
+        found = [
+            place_candidate(
+                hypothesis,
+                self._rules.rules.furniture[hypothesis.class_name],
+                identifiers,
+                regions,
+                {identifier: plane.n_frames for identifier, plane in planes.items()},
+                planes[identifiers[hypothesis.main_plane]].existence,
+                self._config,
             )
-            n_frames = _support(parts)
-            existence = min(planes[part.identifier].existence for part in parts[:1])
-            growth = 1.0 - math.exp(-n_frames / self._config.support_frames)
-            found.append(
-                _Candidate(
-                    hypothesis,
-                    geometry,
-                    identifiers[hypothesis.main_plane],
-                    parts,
-                    existence * growth,
-                    n_frames,
-                )
-            )
-        return found
+            for hypothesis in classification.hypotheses
+        ]
+        if self._judge is None or not self._judge.is_on:
+            return found
+        # What is not believed for lack of frames need not be verified yet.
+        worth = [c for c in found if settle or c.score >= self._config.drop_score]
+        self._judge.consider([case_of(c) for c in worth], all_of_them=settle)
+        return [
+            verified
+            for candidate in found
+            for verified in with_verdicts(candidate, self._judge.verdicts(candidate.key))
+        ]
 
-    def _choose(self, candidates: list[_Candidate]) -> list[_Candidate]:
-        """One hypothesis per place: by the ontology's priority, then planes, then support."""
+    def _choose(self, candidates: list[Candidate]) -> list[Candidate]:
         followed = {
             (track.item.class_name, self._plane_map.current(track.main_plane))
             for track in self._tracks
             if track.is_accepted
         }
-        ranked = sorted(
-            candidates,
-            key=lambda c: (
-                # Weak evidence for a preferred class does not push out strong evidence.
-                c.score < self._config.drop_score,
-                -c.hypothesis.priority,
-                # A seat says more than the backrest alone.
-                c.hypothesis.main_label in self._furniture(c).back_planes,
-                -len(c.planes),
-                (c.hypothesis.class_name, c.main_plane) not in followed,
-                -c.n_frames,
-                c.main_plane,
-            ),
-        )
-        chosen: list[_Candidate] = []
-        for candidate in ranked:
-            if not any(self._excludes(better, candidate) for better in chosen):
-                chosen.append(candidate)
-        return chosen
-
-    def _furniture(self, candidate: _Candidate) -> FurnitureClass:
-        return self._rules.rules.furniture[candidate.hypothesis.class_name]
-
-    def _excludes(self, better: _Candidate, other: _Candidate) -> bool:
-        """Whether two hypotheses cannot both be true.
-
-        They may share a plane if both take it for the same thing: a chair stands at a table, and
-        the table is a table.
-        """
-        same_class = better.hypothesis.class_name == other.hypothesis.class_name
-        for plane in better.planes:
-            if plane.identifier == other.main_plane and (
-                same_class or plane.label != other.hypothesis.main_label
-            ):
-                return True
-        if not same_class:
-            return False
-        overlap = box_overlap(better.geometry.box, other.geometry.box)
-        return overlap >= self._config.same_place_overlap
+        return choose(candidates, followed, self._config)
 
     def _follow(
         self,
-        chosen: list[_Candidate],
-        candidates: list[_Candidate],
+        chosen: list[Candidate],
+        candidates: list[Candidate],
         direct: set[tuple[str, int]],
     ) -> None:
         """Joins this update's hypotheses with the pieces known so far."""
@@ -242,16 +206,24 @@ class FurnitureMap:
             key = (candidate.hypothesis.class_name, candidate.main_plane)
             track.n_direct += key in direct
             track.item = self._describe(candidate, candidates, track)
+            track.is_pending = candidate.is_pending
         for candidate in free:
             key = (candidate.hypothesis.class_name, candidate.main_plane)
             track = _Track(
                 item=self._describe(candidate, candidates, None),
                 main_plane=candidate.main_plane,
                 n_direct=int(key in direct),
+                is_pending=candidate.is_pending,
             )
             self._tracks.append(track)
 
-    def _match(self, track: _Track, free: list[_Candidate]) -> _Candidate | None:
+    def _is_rejected(self, track: _Track) -> bool:
+        """Whether verification came to speak against a piece that was believed in."""
+        key = (track.item.class_name, self._plane_map.current(track.main_plane))
+        verdicts = None if self._judge is None else self._judge.verdicts(key)
+        return verdicts is not None and not any(verdict.is_accepted for verdict in verdicts)
+
+    def _match(self, track: _Track, free: list[Candidate]) -> Candidate | None:
         """The hypothesis about the same main plane, or else about the same place."""
         same_class = [
             candidate
@@ -259,9 +231,9 @@ class FurnitureMap:
             if candidate.hypothesis.class_name == track.item.class_name
         ]
         main_plane = self._plane_map.current(track.main_plane)
-        for candidate in same_class:
-            if candidate.main_plane == main_plane:
-                return candidate
+        same_plane = [c for c in same_class if c.main_plane == main_plane]
+        if same_plane and not any(c.is_in_row for c in same_plane):
+            return same_plane[0]
         taken = {
             self._plane_map.current(other.main_plane)
             for other in self._tracks
@@ -270,15 +242,15 @@ class FurnitureMap:
         rated = [
             (box_overlap(track.item.box, candidate.geometry.box), candidate)
             for candidate in same_class
-            if candidate.main_plane not in taken
+            if candidate.main_plane not in taken or candidate.is_in_row
         ]
         best = max(rated, key=lambda pair: pair[0], default=(0.0, None))
         return best[1] if best[0] >= self._config.same_place_overlap else None
 
     def _describe(
-        self, candidate: _Candidate, candidates: list[_Candidate], track: _Track | None
+        self, candidate: Candidate, candidates: list[Candidate], track: _Track | None
     ) -> FurnitureItem:
-        furniture = self._furniture(candidate)
+        furniture = candidate.furniture
         main = candidate.planes[0].region
         seen_now = candidate.main_plane in self._plane_map.planes_seen_last
         return FurnitureItem(
@@ -304,6 +276,7 @@ class FurnitureMap:
             ),
             first_seen_s=self._stamp_s if track is None else track.item.first_seen_s,
             last_seen_s=(self._stamp_s if track is None or seen_now else track.item.last_seen_s),
+            cad=candidate.fit,
         )
 
     def _report(self) -> list[FurnitureChange]:
@@ -326,7 +299,11 @@ class FurnitureMap:
             if lost:
                 continue  # it never was furniture
             kept.append(track)
-            if not track.is_accepted and track.item.score >= self._config.accept_score:
+            if (
+                not track.is_accepted
+                and track.item.score >= self._config.accept_score
+                and not track.is_pending
+            ):
                 track.is_accepted = True
                 track.item = replace(
                     track.item, identifier=self._new_identifier(track.item.class_name)
@@ -365,11 +342,3 @@ class FurnitureMap:
             or resized > config.resized_m
             or abs(new.score - old.score) > config.rescored
         )
-
-
-def _support(planes: tuple[FurniturePlane, ...]) -> int:
-    """Frames that saw the least seen kind of plane; of several for one label the best counts."""
-    best: dict[str, int] = {}
-    for plane in planes:
-        best[plane.label] = max(best.get(plane.label, 0), plane.n_frames)
-    return min(best.values())

@@ -53,6 +53,8 @@ def place_hypothesis(
     main = regions[hypothesis.main_plane]
     if hypothesis.main_label in furniture.back_planes:
         return _place_backrest(hypothesis, furniture, regions)
+    if hypothesis.main_label in furniture.front_planes:
+        return _place_front(hypothesis, furniture, regions)
     back = _best_back(hypothesis, furniture, regions)
     if back is None:
         yaw = _top_yaw(main, config)
@@ -191,6 +193,23 @@ def _place_backrest(
     box = _box_around(corners, yaw, float(outline[:, 2].max()))
     return FurnitureGeometry(
         _pose(back.centroid + 0.5 * depth * forward, yaw), box, hypothesis.main_plane
+    )
+
+
+def _place_front(
+    hypothesis: FurnitureHypothesis, furniture: FurnitureClass, regions: Sequence[PlanarRegion]
+) -> FurnitureGeometry:
+    """A piece of which the front is seen, such as the backs of the books in a shelf."""
+    front = regions[hypothesis.main_plane]
+    normal = _level(front.normal)
+    yaw = float(np.arctan2(normal[1], normal[0]))
+    outline = front.outline_map()
+    depth = furniture.typical_depth_m
+    backward = -np.append(normal, 0.0)
+    corners = np.concatenate([outline, outline + depth * backward])
+    box = _box_around(corners, yaw, float(outline[:, 2].max()))
+    return FurnitureGeometry(
+        _pose(front.centroid + 0.5 * depth * backward, yaw), box, hypothesis.main_plane
     )
 
 

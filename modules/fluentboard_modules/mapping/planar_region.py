@@ -28,6 +28,8 @@ class PlanarRegion:
         rms_m: root mean square distance of the points from the plane.
         touches_edge: whether the region runs into the border of the image, so may be larger.
         sensor_position: `(3,)`; where the sensor was, map frame.
+        excess_m2: mean square distance of the points from the plane beyond what the sensor's noise
+            explains; negative where the noise was less than expected.
         pixel_box: rows and columns of the image that hold it, (top, left, bottom, right).
         pixel_mask: `(bottom - top, right - left)`; which pixels of that box are on the region.
     """
@@ -39,6 +41,7 @@ class PlanarRegion:
     rms_m: float
     touches_edge: bool = False
     sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
+    excess_m2: float = 0.0
     pixel_box: tuple[int, int, int, int] = (0, 0, 0, 0)
     pixel_mask: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
 
@@ -77,6 +80,11 @@ class PlanarRegion:
         """Length and width of the contour's bounds along the region's x and y, metres."""
         x_min, y_min, x_max, y_max = self.contour.bounds
         return x_max - x_min, y_max - y_min
+
+    @property
+    def roughness_m(self) -> float:
+        """Root mean square unevenness of the surface itself, metres (hasRoughness)."""
+        return float(np.sqrt(max(self.excess_m2, 0.0)))
 
     @property
     def tilt_rad(self) -> float:

@@ -22,7 +22,7 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]
 
-FEATURES = ("hasInclination", "hasSize", "hasPosY", "hasLength", "hasWidth")
+FEATURES = ("hasInclination", "hasSize", "hasPosY", "hasLength", "hasWidth", "hasRoughness")
 """The datatype properties that are measured at every plane."""
 
 FEATURE_UNITS: Mapping[str, str] = {
@@ -31,6 +31,7 @@ FEATURE_UNITS: Mapping[str, str] = {
     "hasPosY": "m",
     "hasLength": "m",
     "hasWidth": "m",
+    "hasRoughness": "m",
 }
 
 _SAMPLE_SPACING_M = 0.03  # along contours; a quarter-metre gap is then wrong by half a millimetre
@@ -63,7 +64,7 @@ class Measurement:
 def measure_features(
     regions: Sequence[PlanarRegion], floor: Plane | None = None
 ) -> dict[str, FloatArray]:
-    """`(n,)` per feature: inclination in rad, area in m^2, height, length and width in m.
+    """`(n,)` per feature: inclination in rad, area in m^2; height, sides and roughness in m.
 
     Args:
         regions: the planes, in the map frame.
@@ -78,6 +79,7 @@ def measure_features(
         "hasPosY": centres[:, 2] if floor is None else floor.signed_distance(centres),
         "hasLength": rectangles[:, 0],
         "hasWidth": rectangles[:, 1],
+        "hasRoughness": np.array([region.roughness_m for region in regions]),
     }
 
 
@@ -98,7 +100,14 @@ class PlaneRelations:
         tolerances: per relation the ontology's annotations.
     """
 
-    MEASURED = ("isLowerThan", "isPerpendicularTo", "isParallelTo", "isAdjacentTo", "isBelow")
+    MEASURED = (
+        "isLowerThan",
+        "isInFrontOf",
+        "isPerpendicularTo",
+        "isParallelTo",
+        "isAdjacentTo",
+        "isBelow",
+    )
     """The relations that are measured, the cheapest first."""
 
     def __init__(
@@ -109,6 +118,7 @@ class PlaneRelations:
         n = len(regions)
         self._height = np.array([region.height_m for region in regions])
         self._normal = np.array([region.normal for region in regions]).reshape(n, 3)
+        self._centre = np.array([region.centroid for region in regions]).reshape(n, 3)
         bounds = np.array([region.bounds_map() for region in regions]).reshape(n, 2, 3)
         self._low, self._high = bounds[:, 0], bounds[:, 1]
         self._trees: dict[int, cKDTree] = {}
@@ -122,6 +132,8 @@ class PlaneRelations:
         i, j = np.nonzero(candidates)
         if relation in ("isLowerThan", "isBelow"):
             passed = self._height[j] - self._height[i] >= tolerance["minimumRise"]
+        elif relation == "isInFrontOf":
+            passed = self._depth_behind(i, j) >= tolerance["minimumDepth"]
         elif relation == "isPerpendicularTo":
             passed = np.arcsin(self._cosines(i, j)) <= tolerance["angleTolerance"]
         elif relation == "isParallelTo":
@@ -159,6 +171,9 @@ class PlaneRelations:
                     )
                 )
             return found
+        if relation == "isInFrontOf":
+            depth = float(self._depth_behind(np.array([i]), np.array([j]))[0])
+            return [Measurement("depth behind", depth, tolerance["minimumDepth"], True, "m")]
         if relation == "isAdjacentTo":
             gap = self._gap_m(i, j, np.inf)
             return [Measurement("gap", gap, tolerance["maximumGap"], False, "m")]
@@ -166,6 +181,10 @@ class PlaneRelations:
         off = np.arcsin(cosine) if relation == "isPerpendicularTo" else np.arccos(cosine)
         name = "off the right angle" if relation == "isPerpendicularTo" else "off parallel"
         return [Measurement(name, float(off), tolerance["angleTolerance"], False, "rad")]
+
+    def _depth_behind(self, i: IndexArray, j: IndexArray) -> FloatArray:
+        """How far the centroid of j lies behind the plane i, seen from where i was seen, metres."""
+        return np.einsum("ki,ki->k", self._normal[i], self._centre[i] - self._centre[j])
 
     def _cosines(self, i: IndexArray, j: IndexArray) -> FloatArray:
         """Absolute cosine between the normals of each pair."""

@@ -51,6 +51,7 @@ def _measures(plane: FurniturePlane) -> dict[str, float]:
         "hasInclination": inclination,
         "hasLength": length,
         "hasWidth": width,
+        "hasRoughness": region.roughness_m,
     }
     return {name: round(value, 4) for name, value in values.items()}
 

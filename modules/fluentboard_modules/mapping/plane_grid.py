@@ -72,6 +72,8 @@ class MapPlane:
     moments: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
     offsets: FloatArray = field(default_factory=lambda: np.zeros(3))
     square_sum_m2: float = 0.0
+    excess_sum: float = 0.0
+    excess_weight: float = 0.0
     n_frames: int = 0
     n_missed: int = 0
     n_confirmed: int = 0
@@ -189,6 +191,9 @@ class MapPlane:
         self.moments += weight * (design.T @ design)
         self.offsets += weight * (design.T @ z)
         self.square_sum_m2 += region.rms_m**2
+        # Noise drowns unevenness far away: near looks count, with the square of their weight.
+        self.excess_sum += weight**2 * region.excess_m2
+        self.excess_weight += weight**2
         self.n_points += region.n_points
         if self.last_seen != update or self.n_frames == 0:
             self.n_frames += 1
@@ -221,6 +226,8 @@ class MapPlane:
         self.moments += share * (design.T @ design)
         self.offsets += share * (design.T @ points[:, 2])
         self.square_sum_m2 += other.square_sum_m2
+        self.excess_sum += other.excess_sum
+        self.excess_weight += other.excess_weight
         self.n_frames = max(self.n_frames, other.n_frames)
         self.n_missed = min(self.n_missed, other.n_missed)
         self.n_confirmed = max(self.n_confirmed, other.n_confirmed)
@@ -397,6 +404,7 @@ class MapPlane:
             contour=as_multipolygon(contour),
             n_points=self.n_points,
             rms_m=float(np.sqrt(self.square_sum_m2 / max(self.n_frames, 1))),
+            excess_m2=self.excess_sum / max(self.excess_weight, 1e-12),
             sensor_position=self.sensor_position,
         )
 

@@ -117,6 +117,8 @@ class FurnitureClass:
         symmetry_order: how many turns about the vertical look alike.
         priority: of two hypotheses for the same plane, the higher is preferred.
         typical_depth_m: from back to front, for what is hidden; 0 if the ontology does not say.
+        front_planes: labels of a main plane that is its front, facing whoever uses it.
+        has_room_below: whether chairs may stand below it.
     """
 
     name: str
@@ -125,6 +127,8 @@ class FurnitureClass:
     symmetry_order: int
     priority: float
     typical_depth_m: float = 0.0
+    front_planes: tuple[str, ...] = ()
+    has_room_below: bool = False
 
 
 @dataclass(frozen=True, slots=True)

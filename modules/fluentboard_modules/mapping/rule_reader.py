@@ -36,7 +36,13 @@ FURNITURE = Namespace("https://w3id.org/fluentboard/furniture#")
 SWRL = Namespace("http://www.w3.org/2003/11/swrl#")
 SWRLB = Namespace("http://www.w3.org/2003/11/swrlb#")
 
-_TOLERANCES = ("minimumRise", "minimumOverlap", "angleTolerance", "maximumGap")
+_TOLERANCES = (
+    "minimumRise",
+    "minimumDepth",
+    "minimumOverlap",
+    "angleTolerance",
+    "maximumGap",
+)
 _COMPARISONS = (
     "greaterThan",
     "greaterThanOrEqual",
@@ -122,6 +128,8 @@ def _furniture(
             symmetry_order=int(_number(graph, node, FURNITURE.symmetryOrder, 1.0)),
             priority=_number(graph, node, FURNITURE.priority, 0.0),
             typical_depth_m=_number(graph, node, FURNITURE.typicalDepth, 0.0),
+            front_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.frontPlane))),
+            has_room_below=str(graph.value(node, FURNITURE.hasRoomBelow)) in ("true", "1"),
         )
     return furniture
 

@@ -117,6 +117,9 @@ def _outline(
                 or (columns.stop - 1) * step >= frame.camera.width - 1 - border
             ),
             sensor_position=frame.T_map_sensor.translation,
+            excess_m2=float(
+                np.mean(distance**2 - _noise_m2(cells, plane, (rows, columns), mask, config))
+            ),
             pixel_box=(
                 rows.start * step,
                 columns.start * step,
@@ -126,6 +129,22 @@ def _outline(
             pixel_mask=mask,
         )
     return regions
+
+
+def _noise_m2(
+    cells: Cells,
+    plane: FloatArray,
+    window: tuple[slice, slice],
+    mask: NDArray[np.bool_],
+    config: SurfacesConfig,
+) -> FloatArray:
+    """`(n,)`; variance that the sensor's noise gives to the distance from a plane, per cell."""
+    noise = config.noise
+    rays = cells.rays[window][mask].astype(np.float64)
+    toward = rays @ plane
+    depth = 1.0 / np.maximum(toward, 1e-3)
+    sigma = noise.constant_m + noise.quadratic_per_m * np.maximum(depth - noise.reference_m, 0) ** 2
+    return (sigma * np.abs(toward) / np.linalg.norm(plane)) ** 2
 
 
 def _region_axes(

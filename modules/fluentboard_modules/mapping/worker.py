@@ -13,6 +13,7 @@ from fluentboard_client import AssertFluent, Client, Command, EndFluent, Event
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.frames.sources import open_source
 from fluentboard_modules.mapping.album import Album
+from fluentboard_modules.mapping.cad_library import CadLibrary, load_library
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.furniture_fluents import (
     Ending,
@@ -22,6 +23,7 @@ from fluentboard_modules.mapping.furniture_fluents import (
 )
 from fluentboard_modules.mapping.furniture_item import FurnitureItem
 from fluentboard_modules.mapping.furniture_map import FurnitureMap
+from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.map_frame import (
     map_frame_fluents,
     place,
@@ -46,6 +48,7 @@ class MappingModule:
         T_map_world: takes the recording's world frame to the map frame.
         config: of the algorithms.
         update: how much has to change before the board is told.
+        library: CAD models that hypotheses are verified with.
     """
 
     name = "mapping"
@@ -57,12 +60,15 @@ class MappingModule:
         T_map_world: Transform,
         config: MappingConfig | None = None,
         update: UpdateConfig | None = None,
+        library: CadLibrary | None = None,
     ) -> None:
         self._source = source
         self._T_map_world = T_map_world
         self._config = config or MappingConfig()
         self._rules = load_rules(read_ontology("furniture"))
-        self._map = FurnitureMap(self._rules, self._config.furniture, self._config.surfaces.noise)
+        noise = self._config.surfaces.noise
+        judge = FurnitureJudge(library or CadLibrary(), self._config.verification, noise)
+        self._map = FurnitureMap(self._rules, self._config.furniture, noise, judge)
         self._fluents = FurnitureFluents(
             config=update or UpdateConfig(),
             symmetry_order={
@@ -122,7 +128,10 @@ class MappingModule:
 
     def finish(self) -> Sequence[Command]:
         """The last, best estimates."""
-        return self._written(final=True) if self.span_s else []
+        if not self.span_s:
+            return []
+        self._map.settle()
+        return self._written(final=True)
 
     def status(self) -> str:
         """How many pieces of each class."""
@@ -170,6 +179,7 @@ def run_mapping(
     plot: Path | None = None,
     frame_out: Path | None = None,
     token: str | None = None,
+    models: Path | None = None,
 ) -> WorkReport:
     """Maps a source to its end, or until told to stop.
 
@@ -181,6 +191,7 @@ def run_mapping(
         plot: folder for pictures.
         frame_out: file for the map frame.
         token: bearer token for the board.
+        models: folder of CAD models named after furniture classes.
 
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
@@ -194,10 +205,17 @@ def run_mapping(
         )
         if frame_out is not None:
             write_transform(frame_out, T_map_world)
-        module = MappingModule(source.name, T_map_world, config)
+        module = MappingModule(source.name, T_map_world, config, library=_library(models))
         with Client(board, author=module.name, token=token) as client, FrameProgress() as progress:
             report = run(module, source, client, progress=progress, stop=stop)
         if plot is not None:
             plot.mkdir(parents=True, exist_ok=True)
             module.draw(plot)
     return report
+
+
+def _library(models: Path | None) -> CadLibrary:
+    if models is None:
+        return CadLibrary()
+    classes = [furniture.name for furniture in load_rules(read_ontology("furniture")).furniture_classes]
+    return load_library(models, classes)

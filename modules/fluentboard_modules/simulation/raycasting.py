@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidInput, MissingExtra
 from fluentboard.model.geometry import Transform
+from fluentboard_modules.simulation.mesh import Mesh
 from fluentboard_modules.simulation.scene import Scene
 
 Float32Array = NDArray[np.float32]
@@ -117,3 +118,31 @@ def _open3d() -> Any:
             "install fluentboard[mapping]"
         ) from error
     return open3d
+
+
+class MeshCaster:
+    """One mesh made ready for ray casting in its own frame.
+
+    Attributes:
+        triangle_normal: `(m, 3)` float32; unit normals of its triangles.
+
+    Raises:
+        MissingExtra: Open3D is not installed.
+    """
+
+    def __init__(self, mesh: Mesh, threads: int = 1) -> None:
+        o3d = _open3d()
+        self.triangle_normal = _unit_normals(mesh.vertices, mesh.triangles)
+        self._threads = threads
+        self._tensor = o3d.core.Tensor.from_numpy
+        self._caster = o3d.t.geometry.RaycastingScene(nthreads=threads)
+        self._caster.add_triangles(
+            self._tensor(np.ascontiguousarray(mesh.vertices, dtype=np.float32)),
+            self._tensor(mesh.triangles.astype(np.uint32)),
+        )
+
+    def cast(self, rays: Float32Array) -> Hits:
+        """The first hits of rays `(..., 6)`: origin and direction in the mesh's frame."""
+        answer = self._caster.cast_rays(self._tensor(rays), nthreads=self._threads)
+        triangle = answer["primitive_ids"].numpy().view(np.int32)
+        return Hits(answer["t_hit"].numpy(), triangle)

@@ -1,0 +1,219 @@
+"""Candidates: hypotheses about planes of the map, placed and verified, and the choice among them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from fluentboard_modules.mapping.config import FurnitureMapConfig
+from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
+from fluentboard_modules.mapping.hypotheses import FurnitureGeometry, place_hypothesis
+from fluentboard_modules.mapping.judge import Case, verified_geometry
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.rule_language import FurnitureClass
+from fluentboard_modules.mapping.rules import FurnitureHypothesis
+from fluentboard_modules.mapping.verify import Verdict
+
+_EXACT_BONUS = 50.0  # a CAD file that fits says more than the order of the classes
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A hypothesis about planes of the map, placed and scored.
+
+    Attributes:
+        hypothesis: what the ontology says.
+        furniture: the class.
+        geometry: where it is.
+        main_plane: identifier of its main plane in the map.
+        planes: what explains it, the main plane first.
+        score: belief by the frames that support it, in [0, 1].
+        n_frames: that saw the least seen of its planes.
+        fit: the CAD model that explains it, None before verification.
+        is_pending: whether it has still to be verified.
+        is_in_row: whether it is one of several side by side that share a plane.
+    """
+
+    hypothesis: FurnitureHypothesis
+    furniture: FurnitureClass
+    geometry: FurnitureGeometry
+    main_plane: int
+    planes: tuple[FurniturePlane, ...]
+    score: float
+    n_frames: int
+    fit: CadFit | None = None
+    is_pending: bool = False
+    is_in_row: bool = False
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """The same for the same hypothesis in later frames."""
+        return self.furniture.name, self.main_plane
+
+    @property
+    def preference(self) -> float:
+        """The class's priority, more for a CAD file that fits."""
+        if self.fit is None or not self.fit.is_exact:
+            return self.hypothesis.priority
+        return self.hypothesis.priority + _EXACT_BONUS * self.fit.score
+
+
+def place_candidate(
+    hypothesis: FurnitureHypothesis,
+    furniture: FurnitureClass,
+    identifiers: Sequence[int],
+    regions: Sequence[PlanarRegion],
+    frames_of: Mapping[int, int],
+    existence: float,
+    config: FurnitureMapConfig,
+) -> Candidate:
+    """A hypothesis with its place and the support of its planes.
+
+    Args:
+        hypothesis: about some of the regions.
+        furniture: its class.
+        identifiers: of the regions' planes in the map.
+        regions: planes of the map.
+        frames_of: per plane identifier the frames that saw it.
+        existence: belief that its main plane is still there.
+        config: how support becomes belief.
+    """
+    geometry = place_hypothesis(hypothesis, furniture, regions, config.hypotheses)
+    parts = tuple(
+        FurniturePlane(
+            identifiers[part.plane],
+            part.label,
+            regions[part.plane],
+            frames_of[identifiers[part.plane]],
+        )
+        for part in hypothesis.planes
+        # Of several backrests only the one that gave the direction explains the chair.
+        if part.label not in furniture.back_planes or geometry.back_plane in (None, part.plane)
+    )
+    n_frames = _support(parts)
+    growth = 1.0 - math.exp(-n_frames / config.support_frames)
+    return Candidate(
+        hypothesis,
+        furniture,
+        geometry,
+        identifiers[hypothesis.main_plane],
+        parts,
+        existence * growth,
+        n_frames,
+    )
+
+
+def case_of(candidate: Candidate) -> Case:
+    """A candidate as the judge wants it: only the planes that are the piece's own."""
+    own = [
+        plane
+        for k, plane in enumerate(candidate.planes)
+        # A table that a chair stands at is evidence, but no part of the chair.
+        if k == 0
+        or plane.label in candidate.furniture.back_planes
+        or not candidate.furniture.back_planes
+    ]
+    return Case(
+        candidate.key,
+        candidate.furniture.name,
+        candidate.geometry,
+        tuple(plane.region for plane in own),
+        candidate.n_frames,
+    )
+
+
+def with_verdicts(
+    candidate: Candidate, verdicts: tuple[Verdict, ...] | None
+) -> list[Candidate]:
+    """What verification made of a candidate: nothing, one piece, or several side by side."""
+    if verdicts is None:
+        return [replace(candidate, is_pending=True)]
+    kept: list[Candidate] = []
+    for verdict in verdicts:
+        if not verdict.is_accepted:
+            continue
+        fit = CadFit(
+            verdict.model.name,
+            verdict.model.is_exact,
+            verdict.standing.pose,
+            verdict.score,
+            verdict.initial.pose,
+            verdict.initial_score,
+            verdict.covariance,
+            verdict.n_views,
+        )
+        geometry = candidate.geometry
+        if verdict.model.is_exact:
+            geometry = verified_geometry(verdict, candidate.planes[0].region)
+        kept.append(
+            replace(candidate, fit=fit, geometry=geometry, is_in_row=len(verdicts) > 1)
+        )
+    return kept
+
+
+def choose(
+    candidates: Sequence[Candidate],
+    followed: set[tuple[str, int | None]],
+    config: FurnitureMapConfig,
+) -> list[Candidate]:
+    """One hypothesis per place: by what fits, the ontology's priority, then planes, then support.
+
+    Args:
+        candidates: to choose from.
+        followed: class and main plane of the pieces that are already believed in.
+        config: when two are at the same place.
+    """
+    ranked = sorted(
+        candidates,
+        key=lambda c: (
+            # Weak evidence for a preferred class does not push out strong evidence.
+            c.score < config.drop_score,
+            -c.preference,
+            # A seat says more than the backrest alone.
+            c.hypothesis.main_label in c.furniture.back_planes,
+            -len(c.planes),
+            (c.furniture.name, c.main_plane) not in followed,
+            -c.n_frames,
+            c.main_plane,
+        ),
+    )
+    chosen: list[Candidate] = []
+    for candidate in ranked:
+        if not any(_excludes(better, candidate, config) for better in chosen):
+            chosen.append(candidate)
+    return chosen
+
+
+def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -> bool:
+    """Whether two hypotheses cannot both be true.
+
+    They may share a plane if both take it for the same thing: a chair stands at a table, and the
+    table is a table. Two things are not in one place, but a chair may stand below a top.
+    """
+    same_class = better.furniture.name == other.furniture.name
+    is_row = better.is_in_row and other.is_in_row and better.key == other.key
+    if not is_row:
+        for plane in better.planes:
+            if plane.identifier == other.main_plane and (
+                same_class or plane.label != other.hypothesis.main_label
+            ):
+                return True
+    overlap = box_overlap(better.geometry.box, other.geometry.box)
+    are_exact = all(c.fit is not None and c.fit.is_exact for c in (better, other))
+    if same_class:
+        return overlap >= (config.exact_overlap if are_exact else config.same_place_overlap)
+    if better.is_pending or better.fit is None:
+        return False
+    for seat, top in ((better, other), (other, better)):
+        if seat.furniture.back_planes and top.furniture.has_room_below:
+            return False
+    return overlap >= (config.exact_overlap if are_exact else config.other_place_overlap)
+
+
+def _support(planes: tuple[FurniturePlane, ...]) -> int:
+    """Frames that saw the least seen kind of plane; of several for one label the best counts."""
+    best: dict[str, int] = {}
+    for plane in planes:
+        best[plane.label] = max(best.get(plane.label, 0), plane.n_frames)
+    return min(best.values())

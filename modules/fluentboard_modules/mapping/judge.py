@@ -1,0 +1,143 @@
+"""Verification over many frames: which hypotheses are due, and what is known about the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fluentboard.model.geometry import BoundingBox, Pose, Transform
+from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.config import DepthNoiseConfig, VerificationConfig
+from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory
+from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.verify import Verdict, verify
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A hypothesis that may have to be verified.
+
+    Attributes:
+        key: the same for the same hypothesis in later frames.
+        class_name: what it says.
+        geometry: where it puts the piece.
+        parts: its planes, the main plane first.
+        n_frames: that support it.
+    """
+
+    key: Hashable
+    class_name: str
+    geometry: FurnitureGeometry
+    parts: tuple[PlanarRegion, ...]
+    n_frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Ruling:
+    """What was decided, and what it was decided on."""
+
+    case: Case
+    verdicts: tuple[Verdict, ...]
+
+
+class FurnitureJudge:
+    """Verifies a few hypotheses per frame and remembers what came out.
+
+    Args:
+        library: CAD models.
+        config: of the comparison.
+        noise: of the depth sensor.
+    """
+
+    def __init__(
+        self, library: CadLibrary, config: VerificationConfig, noise: DepthNoiseConfig
+    ) -> None:
+        self._library = library
+        self._config = config
+        self._views = ViewMemory(noise)
+        self._rulings: dict[Hashable, _Ruling] = {}
+
+    @property
+    def is_on(self) -> bool:
+        """Whether hypotheses have to be verified before they are believed."""
+        return self._config.is_on
+
+    @property
+    def views(self) -> list[DepthView]:
+        """The depth images kept, oldest first."""
+        return self._views.since()
+
+    def look(self, frame: SensorFrame) -> DepthView:
+        """Keeps a frame."""
+        return self._views.add(frame)
+
+    def consider(self, cases: Sequence[Case], *, all_of_them: bool = False) -> None:
+        """Verifies the hypotheses that are due: never seen ones first, then the most outdated.
+
+        Args:
+            cases: all hypotheses worth it at present.
+            all_of_them: whether every one that is due is verified, however long it takes.
+        """
+        due = [(urgency, k) for k, case in enumerate(cases) if (urgency := self._urgency(case)) > 0]
+        due.sort(key=lambda pair: (-pair[0], pair[1]))
+        for _, k in due if all_of_them else due[: self._config.cases_per_frame]:
+            self._rulings[cases[k].key] = self._rule(cases[k])
+
+    def verdicts(self, key: Hashable) -> tuple[Verdict, ...] | None:
+        """What was decided about a hypothesis; None if it is still pending."""
+        ruling = self._rulings.get(key)
+        return None if ruling is None else ruling.verdicts
+
+    def _rule(self, case: Case) -> _Ruling:
+        verdicts = verify(
+            case.class_name,
+            case.geometry,
+            case.parts,
+            self._views.since(),
+            self._library,
+            self._config,
+        )
+        return _Ruling(case, verdicts)
+
+    def _urgency(self, case: Case) -> float:
+        """0 if nothing has changed since the last verification, infinite if there was none."""
+        ruling = self._rulings.get(case.key)
+        if ruling is None:
+            return math.inf
+        before, now = ruling.case.geometry, case.geometry
+        moved = math.hypot(now.pose.x - before.pose.x, now.pose.y - before.pose.y)
+        turned = abs(math.remainder(now.pose.yaw_rad - before.pose.yaw_rad, 0.5 * math.pi))
+        grown = float(np.abs(now.box.sizes - before.box.sizes).max())
+        seen = case.n_frames / (self._config.again_factor * ruling.case.n_frames + 2.0)
+        change = max(
+            moved / self._config.again_moved_m,
+            turned / self._config.again_turned_rad,
+            grown / (2.0 * self._config.again_moved_m),
+            seen,
+        )
+        return change if change >= 1.0 else 0.0
+
+
+def verified_geometry(verdict: Verdict, main: PlanarRegion) -> FurnitureGeometry:
+    """Pose and box of a piece from the CAD model that explains it.
+
+    The origin stays where the hypothesis would put it: at the middle of the model's main face.
+    """
+    standing, model = verdict.standing, verdict.model
+    T_map_model = standing.transform
+    face = model.top_faces(main.height_m, 0.08)
+    low, high = model.mesh.bounds
+    middle = 0.5 * (low + high)[:2] if face is None else face.mean(axis=0)
+    x, y, _ = T_map_model.apply(np.array([*middle, 0.0]))
+    T_map_box = T_map_model @ Transform.from_parts(np.eye(3), 0.5 * (low + high))
+    size = (float(v) for v in high - low)
+    return FurnitureGeometry(
+        Pose.from_rpy(float(x), float(y), main.height_m, yaw=standing.yaw_rad),
+        BoundingBox(Pose.from_transform(T_map_box), *size),
+        0,
+    )

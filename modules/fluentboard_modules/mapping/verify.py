@@ -1,0 +1,355 @@
+"""Hypotheses to verified furniture: which CAD model stands where, and does what was seen say so.
+
+Section 3.2.3, with its stated failures mended: measured points look for their place on the model
+instead of the other way round, several starts make up for partial views, and a visibility score
+decides whether a pose is better than the one before and whether the piece is there at all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.mapping.alignment import Standing, align
+from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.cad_models import ROUND, CadModel
+from fluentboard_modules.mapping.config import VerificationConfig
+from fluentboard_modules.mapping.depth_views import DepthView, best_views
+from fluentboard_modules.mapping.generic_models import generic_model
+from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.visibility import (
+    Visibility,
+    compare_with_views,
+    scene_points,
+)
+
+_LEVEL = 0.7  # of a normal's z: above, a face is level
+_HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
+_ROW_MAX = 12  # models side by side
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What verification made of a hypothesis.
+
+    Attributes:
+        model: the CAD model that fits best.
+        standing: where it stands.
+        initial: where the hypothesis had put it.
+        score: share of what was seen of it that it explains, in [0, 1].
+        initial_score: the same where the hypothesis had put it.
+        visibility: what the score is made of.
+        covariance: `(3, 3)`; of x, y and yaw in the map, metres and radians.
+        is_accepted: whether the score says that it is there.
+        n_views: views that were compared.
+    """
+
+    model: CadModel
+    standing: Standing
+    initial: Standing
+    score: float
+    initial_score: float
+    visibility: Visibility
+    covariance: FloatArray
+    is_accepted: bool
+    n_views: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """A model somewhere, and how that looks."""
+
+    standing: Standing
+    visibility: Visibility
+    closeness: float
+
+
+def verify(
+    class_name: str,
+    geometry: FurnitureGeometry,
+    parts: Sequence[PlanarRegion],
+    views: Sequence[DepthView],
+    library: CadLibrary,
+    config: VerificationConfig,
+) -> tuple[Verdict, ...]:
+    """The best model for a hypothesis, its pose, and whether it holds.
+
+    Planes that are longer than the model are explained by several of them side by side.
+
+    Args:
+        class_name: what the hypothesis says.
+        geometry: where it puts the piece.
+        parts: its planes in the map frame, the main plane first.
+        views: depth images that may show it.
+        library: CAD models; a class without any is tried with a generic model.
+        config: of the comparison.
+
+    Returns:
+        One verdict, or several of models side by side; none if there is nothing to compare: no
+        view, nothing known about the class, or no model that has such a plane.
+    """
+    centre = np.array([geometry.box.pose.x, geometry.box.pose.y, geometry.box.pose.z])
+    radius = 0.5 * float(np.linalg.norm(geometry.box.sizes[:2])) + 0.1
+    chosen = best_views(views, centre, radius, config.views_max)
+    if not chosen:
+        return ()
+    models = library.of_class(class_name)
+    if not models:
+        generic = generic_model(class_name, geometry, parts)
+        return () if generic is None else (_judge_generic(generic, geometry, chosen, config),)
+    tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
+    return max(tried, key=_goodness, default=())
+
+
+def _goodness(verdicts: tuple[Verdict, ...]) -> float:
+    return float(np.mean([verdict.score for verdict in verdicts])) if verdicts else -1.0
+
+
+def _judge_generic(
+    model: CadModel,
+    geometry: FurnitureGeometry,
+    views: Sequence[DepthView],
+    config: VerificationConfig,
+) -> Verdict:
+    pose = geometry.pose
+    standing = Standing(pose.x, pose.y, pose.yaw_rad)
+    visibility = compare_with_views(model, standing.transform, views, config.visibility)
+    score = visibility.score(config.visibility)
+    # Nothing was aligned: the pose is as uncertain as the planes' edges are.
+    covariance = np.diag([0.03, 0.03, 0.06]) ** 2
+    return Verdict(
+        model,
+        standing,
+        standing,
+        score,
+        score,
+        visibility,
+        covariance,
+        score >= config.accept_score,
+        len(views),
+    )
+
+
+def _try_model(
+    model: CadModel,
+    geometry: FurnitureGeometry,
+    parts: Sequence[PlanarRegion],
+    views: Sequence[DepthView],
+    config: VerificationConfig,
+) -> tuple[Verdict, ...]:
+    starts = possible_starts(model, geometry, parts, config)
+    if starts:
+        return (_best_of(model, starts, views, config),)
+    rows = possible_rows(model, geometry, parts, config)
+    if not rows:
+        return ()
+    quick = views[:3]
+    best = max(rows, key=lambda row: sum(_look(model, s, quick, config).closeness for s in row))
+    return tuple(_best_of(model, [standing], views, config, reach_m=0.2) for standing in best)
+
+
+def _best_of(
+    model: CadModel,
+    starts: Sequence[Standing],
+    views: Sequence[DepthView],
+    config: VerificationConfig,
+    reach_m: float = np.inf,
+) -> Verdict:
+    """The best place that ICP finds from any of the starts, or a start itself if that is better."""
+    initial = _look(model, starts[0], views, config)
+    if len(starts) > config.starts_max:
+        quick = views[: min(3, len(views))]
+        starts = sorted(starts, key=lambda start: -_look(model, start, quick, config).closeness)
+    best, covariance = initial, np.diag([0.1, 0.1, 0.2]) ** 2
+    for start in starts[: config.starts_max]:
+        points = _points_around(model, start, views, config)
+        aligned = align(points, model, start, config.alignment)
+        moved = float(np.hypot(aligned.standing.x - start.x, aligned.standing.y - start.y))
+        for standing in (aligned.standing, start):
+            if standing is aligned.standing and moved > reach_m:
+                continue
+            trial = _look(model, standing, views, config)
+            if trial.closeness > best.closeness:
+                best, covariance = trial, aligned.covariance
+    score = best.visibility.score(config.visibility)
+    return Verdict(
+        model,
+        best.standing,
+        initial.standing,
+        score,
+        initial.visibility.score(config.visibility),
+        best.visibility,
+        covariance,
+        score >= config.accept_score,
+        len(views),
+    )
+
+
+def _look(
+    model: CadModel, standing: Standing, views: Sequence[DepthView], config: VerificationConfig
+) -> _Trial:
+    visibility = compare_with_views(model, standing.transform, views, config.visibility)
+    return _Trial(standing, visibility, visibility.closeness(config.visibility))
+
+
+def _points_around(
+    model: CadModel,
+    standing: Standing,
+    views: Sequence[DepthView],
+    config: VerificationConfig,
+) -> FloatArray:
+    """`(n, 3)`; scene points in an oriented box around the model, without the floor."""
+    low, high = model.mesh.bounds
+    margin = config.crop_margin_m
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low) + margin
+    floor = 0.04
+    half[2] = 0.5 * (high[2] + margin - floor)
+    middle[2] = floor + half[2]
+    T_map_box = standing.transform @ Transform.from_parts(np.eye(3), middle)
+    points = scene_points(views, T_map_box, half, config.alignment.spacing_m)
+    thin = max(1, -(-len(points) // config.alignment.points_max))
+    return points[::thin]
+
+
+def possible_starts(
+    model: CadModel,
+    geometry: FurnitureGeometry,
+    parts: Sequence[PlanarRegion],
+    config: VerificationConfig,
+) -> list[Standing]:
+    """Where a model may stand so that its main face covers the main plane; the likeliest first.
+
+    Of a face that was seen in part, any part may have been seen: it is tried at the near end, in
+    the middle and at the far end of what is left. Empty if the plane is larger than the face.
+    """
+    fit = _face_and_plane(model, geometry, parts)
+    if fit is None:
+        return []
+    first: list[Standing] = []
+    others: list[Standing] = []
+    for turn in fit.turns:
+        sizes = fit.sizes(turn)
+        if (fit.seen > sizes + config.size_slack_m).any():
+            continue
+        slack = np.maximum(sizes - fit.seen, 0.0)
+        steps = [(0.0,) if s < 0.1 else (0.0, -0.5 * s, 0.5 * s) for s in slack.tolist()]
+        for offset in itertools.product(*steps):
+            place = _standing(fit.face, fit.middle + offset, fit.yaw, turn)
+            (first if offset == (0.0, 0.0) else others).append(place)
+    return first + others
+
+
+def possible_rows(
+    model: CadModel,
+    geometry: FurnitureGeometry,
+    parts: Sequence[PlanarRegion],
+    config: VerificationConfig,
+) -> list[list[Standing]]:
+    """Ways to put several models side by side so that their faces cover the main plane.
+
+    The row begins at one end of the plane or the other, or is centred on it.
+    """
+    fit = _face_and_plane(model, geometry, parts)
+    if fit is None:
+        return []
+    rows: list[list[Standing]] = []
+    for turn in fit.turns:
+        sizes = fit.sizes(turn)
+        counts = np.maximum(np.round(fit.seen / sizes), 1.0)
+        if counts.prod() < 2 or counts.prod() > _ROW_MAX:
+            continue
+        # Across the row, the plane must not be larger than the face.
+        if (fit.seen > sizes * counts + 2.0 * config.size_slack_m).any():
+            continue
+        spare = 0.5 * (fit.seen - sizes * counts)
+        for side in (0.0, -1.0, 1.0):
+            shift = side * np.where(counts > 1, spare, 0.0)
+            steps = [(np.arange(n) - 0.5 * (n - 1)) * s for n, s in zip(counts, sizes, strict=True)]
+            rows.append(
+                [
+                    _standing(fit.face, fit.middle + shift + offset, fit.yaw, turn)
+                    for offset in itertools.product(*steps)
+                ]
+            )
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A model's main face `(2, 2)` and the plane it may be: along axes turned by `yaw`."""
+
+    face: FloatArray
+    seen: FloatArray
+    middle: FloatArray
+    yaw: float
+    turns: tuple[float, ...]
+
+    def sizes(self, turn: float) -> FloatArray:
+        """`(2,)`; the face's sides along the axes of the hypothesis, if it is turned so."""
+        sides = self.face[1] - self.face[0]
+        return sides[::-1] if abs(np.sin(turn)) > 0.5 else sides
+
+
+def _face_and_plane(
+    model: CadModel, geometry: FurnitureGeometry, parts: Sequence[PlanarRegion]
+) -> _Fit | None:
+    main = parts[0]
+    yaw = geometry.pose.yaw_rad
+    if abs(main.normal[2]) < _LEVEL:
+        face = model.mesh.bounds[:, :2]
+        low, high = _extent_along(geometry.box.corners(), yaw)
+        bottom, top = main.bounds_map()[0][2], main.bounds_map()[1][2]
+        if top > model.mesh.bounds[1, 2] + _HEIGHT_REACH_M or bottom < -_HEIGHT_REACH_M:
+            return None
+    else:
+        found = model.top_faces(main.height_m, _HEIGHT_REACH_M)
+        if found is None:
+            return None
+        face = found
+        low, high = _extent_along(main.outline_map(), yaw)
+    has_front = geometry.back_plane is not None  # a backrest or a front said where it faces
+    turns = (0.0,) if has_front else _turns(model, face)
+    return _Fit(face, high - low, 0.5 * (low + high), yaw, turns)
+
+
+def _standing(face: FloatArray, middle: FloatArray, yaw: float, turn: float) -> Standing:
+    """The model's face, turned, with its middle at a point given along the hypothesis's axes."""
+    heading = yaw + turn
+    target = _turned(middle, yaw)
+    own = _turned(0.5 * (face[0] + face[1]), heading)
+    x, y = target - own
+    return Standing(float(x), float(y), float(np.arctan2(np.sin(heading), np.cos(heading))))
+
+
+def _turned(point: FloatArray, angle: float) -> FloatArray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * point[0] - s * point[1], s * point[0] + c * point[1]])
+
+
+def _extent_along(points: FloatArray, yaw: float) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest `(2,)` of points along axes turned by yaw about the map's origin."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    turned = points[:, :2] @ np.array([[c, -s], [s, c]])
+    return turned.min(axis=0), turned.max(axis=0)
+
+
+def _turns(model: CadModel, face: FloatArray) -> tuple[float, ...]:
+    """Headings relative to the hypothesis that do not look alike; longer side along x first."""
+    order = model.symmetry_order
+    if order == ROUND:
+        return (0.0,)
+    quarter = 0.5 * np.pi
+    size = face[1] - face[0]
+    base = 0.0 if size[0] >= size[1] else -quarter
+    if order == 4:
+        return (base,)
+    turns = [base, base + quarter]
+    if order != 2:
+        turns = [base, base + 2.0 * quarter, base + quarter, base - quarter]
+    return tuple(float(t) for t in turns)
