@@ -95,9 +95,7 @@ def align(
             residual = np.concatenate([p[:, 0] - q[:, 0], p[:, 1] - q[:, 1]])
             w = np.concatenate([weight, weight])
         else:
-            jacobian = np.column_stack(
-                [n[:, 0], n[:, 1], n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1]]
-            )
+            jacobian = np.column_stack([n[:, 0], n[:, 1], n[:, 1] * q[:, 0] - n[:, 0] * q[:, 1]])
             residual = np.einsum("ij,ij->i", n, p - q)
             w = weight
         information = (jacobian * w[:, None]).T @ jacobian

@@ -1,4 +1,4 @@
-"""Candidates: hypotheses about planes of the map, placed and verified, and the choice among them."""
+"""Candidates: hypotheses about planes of the map, placed and verified; the choice among them."""
 
 from __future__ import annotations
 
@@ -123,9 +123,7 @@ def case_of(candidate: Candidate) -> Case:
     )
 
 
-def with_verdicts(
-    candidate: Candidate, verdicts: tuple[Verdict, ...] | None
-) -> list[Candidate]:
+def with_verdicts(candidate: Candidate, verdicts: tuple[Verdict, ...] | None) -> list[Candidate]:
     """What verification made of a candidate: nothing, one piece, or several side by side."""
     if verdicts is None:
         return [replace(candidate, is_pending=True)]
@@ -146,9 +144,7 @@ def with_verdicts(
         geometry = candidate.geometry
         if verdict.model.is_exact:
             geometry = verified_geometry(verdict, candidate.planes[0].region)
-        kept.append(
-            replace(candidate, fit=fit, geometry=geometry, is_in_row=len(verdicts) > 1)
-        )
+        kept.append(replace(candidate, fit=fit, geometry=geometry, is_in_row=len(verdicts) > 1))
     return kept
 
 

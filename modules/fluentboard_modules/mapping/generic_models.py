@@ -1,7 +1,7 @@
 """Models made up from a hypothesis, for classes without a CAD file.
 
-They are the planes of the hypothesis, as far as a piece of that class can be so large, together with
-what every piece of the class has: a worktop has a body below it, a seat has room below it. So they
+They are the planes of the hypothesis, as far as a piece of that class can be so large, together
+with what every piece of the class has: a worktop has a body below it, a seat has room below it. So they
 cannot improve a pose, but they say what must be seen and what must not, and that rejects much of
 what merely resembles furniture: a board on a wall, a waste bin beside a cupboard.
 """
@@ -64,9 +64,11 @@ def _seat_and_back(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Mad
     seat_m = seats[0].height_m if seats else 0.0
     meshes = [_sheet(part, T_model_map) for part in seats]
     middle = _extent(parts[0], T_model_map).mean(axis=0)
-    for part in parts:
-        if abs(part.normal[2]) <= _LEVEL:
-            meshes.append(_sheet(part, T_model_map, _back_limits(part, T_model_map, middle, seat_m)))
+    meshes += [
+        _sheet(part, T_model_map, _back_limits(part, T_model_map, middle, seat_m))
+        for part in parts
+        if abs(part.normal[2]) <= _LEVEL
+    ]
     voids: tuple[Void, ...] = ()
     if seats:
         low, high = _extent(seats[0], T_model_map)

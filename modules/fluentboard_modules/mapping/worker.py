@@ -217,5 +217,7 @@ def run_mapping(
 def _library(models: Path | None) -> CadLibrary:
     if models is None:
         return CadLibrary()
-    classes = [furniture.name for furniture in load_rules(read_ontology("furniture")).furniture_classes]
+    classes = [
+        furniture.name for furniture in load_rules(read_ontology("furniture")).furniture_classes
+    ]
     return load_library(models, classes)
