@@ -1,9 +1,9 @@
 """Models made up from a hypothesis, for classes without a CAD file.
 
 They are the planes of the hypothesis, as far as a piece of that class can be so large, together
-with what every piece of the class has: a worktop has a body below it, a seat has room below it. So they
-cannot improve a pose, but they say what must be seen and what must not, and that rejects much of
-what merely resembles furniture: a board on a wall, a waste bin beside a cupboard.
+with what every piece of the class has: a worktop has a body below it, a seat has room below it. So
+they cannot improve a pose, but they say what must be seen and what must not, and that rejects much
+of what merely resembles furniture: a board on a wall, a waste bin beside a cupboard.
 """
 
 from __future__ import annotations
