@@ -1,0 +1,86 @@
+"""Furniture of one frame, or of one registered scene, without any memory (Section 3.3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fluentboard.model.geometry import Plane
+from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.candidates import (
+    Candidate,
+    case_of,
+    choose,
+    place_candidate,
+    with_verdicts,
+)
+from fluentboard_modules.mapping.config import MappingConfig
+from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.rules import FurnitureRules
+from fluentboard_modules.mapping.verify import Verdict, verify
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A hypothesis and what verification made of it, for curves over the score."""
+
+    candidate: Candidate
+    verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFindings:
+    """What one look at a scene found.
+
+    Attributes:
+        furniture: the pieces, one per place.
+        judged: all hypotheses that were verified, accepted or not.
+    """
+
+    furniture: tuple[Candidate, ...]
+    judged: tuple[Judged, ...]
+
+
+def find_furniture(
+    regions: Sequence[PlanarRegion],
+    views: Sequence[DepthView],
+    rules: FurnitureRules,
+    library: CadLibrary,
+    config: MappingConfig,
+    floor: Plane | None = None,
+) -> SceneFindings:
+    """Classifies planes once and verifies every hypothesis.
+
+    Args:
+        regions: planar regions of a frame or of a registered scene, map frame.
+        views: the frame itself, or depth images of the scene.
+        rules: the furniture ontology.
+        library: CAD models.
+        config: of all steps.
+        floor: from where heights count; by default from z = 0.
+    """
+    classification = rules.classify(regions, floor=floor, explain=False)
+    frames_of = dict.fromkeys(range(len(regions)), _MANY_FRAMES)
+    judged: list[Judged] = []
+    candidates: list[Candidate] = []
+    for hypothesis in classification.hypotheses:
+        candidate = place_candidate(
+            hypothesis,
+            rules.rules.furniture[hypothesis.class_name],
+            range(len(regions)),
+            regions,
+            frames_of,
+            1.0,
+            config.furniture,
+        )
+        case = case_of(candidate)
+        verdicts = verify(
+            case.class_name, case.geometry, case.parts, views, library, config.verification
+        )
+        judged += [Judged(candidate, verdict) for verdict in verdicts]
+        candidates += with_verdicts(candidate, verdicts)
+    return SceneFindings(tuple(choose(candidates, set(), config.furniture)), tuple(judged))
+
+
+_MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
