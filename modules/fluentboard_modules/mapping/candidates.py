@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.mapping.config import FurnitureMapConfig
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry, place_hypothesis
@@ -15,6 +16,7 @@ from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
 
+_INSIDE_M = 0.05
 _EXACT_BONUS = 50.0  # a CAD file that fits says more than the order of the classes
 
 
@@ -179,6 +181,22 @@ def choose(
         if not any(_excludes(better, candidate, config) for better in chosen):
             chosen.append(candidate)
     return chosen
+
+
+def explains(piece: Candidate, other: Candidate) -> bool:
+    """Whether a CAD model that fits already accounts for another hypothesis's main plane."""
+    if piece.fit is None or not piece.fit.is_exact:
+        return False
+    return is_inside(other, piece.geometry.box)
+
+
+def is_inside(candidate: Candidate, box: BoundingBox) -> bool:
+    """Whether a hypothesis about a single plane is about something inside a box."""
+    if len(candidate.planes) > 1:
+        return False
+    centre = candidate.planes[0].region.centroid
+    local = box.pose.to_transform().inverse().apply(centre[None])[0]
+    return bool((abs(local) <= 0.5 * box.sizes + _INSIDE_M).all())
 
 
 def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -> bool:

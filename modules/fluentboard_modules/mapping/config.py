@@ -331,6 +331,11 @@ class VerificationConfig(_Settings):
     accept_score: float = Field(
         default=0.7, ge=0.0, le=1.0, description="Explained share from which it is furniture."
     )
+    relief_m: float = Field(
+        default=0.017,
+        gt=0.0,
+        description="Books stand 2 to 5 cm behind the edges of their boards, walls do not.",
+    )
     cases_per_frame: int = Field(
         default=2, ge=1, description="Hypotheses that one frame verifies: 0.1 to 0.3 s each."
     )

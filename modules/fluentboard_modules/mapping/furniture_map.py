@@ -18,6 +18,7 @@ from fluentboard_modules.mapping.candidates import (
     Candidate,
     case_of,
     choose,
+    is_inside,
     place_candidate,
     with_verdicts,
 )
@@ -32,7 +33,12 @@ from fluentboard_modules.mapping.hypotheses import placing_box
 from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_map import PlaneMap
-from fluentboard_modules.mapping.rules import Classification, FurnitureRules
+from fluentboard_modules.mapping.rules import (
+    Classification,
+    FurnitureHypothesis,
+    FurnitureRules,
+    partial_hypotheses,
+)
 
 
 @dataclass(slots=True)
@@ -163,10 +169,11 @@ class FurnitureMap:
                 planes[identifiers[hypothesis.main_plane]].existence,
                 self._config,
             )
-            for hypothesis in classification.hypotheses
+            for hypothesis in self._hypotheses(classification)
         ]
         if self._judge is None or not self._judge.is_on:
             return found
+        found = [candidate for candidate in found if not self._is_explained(candidate)]
         # What is not believed for lack of frames need not be verified yet.
         worth = [c for c in found if settle or c.score >= self._config.drop_score]
         self._judge.consider([case_of(c) for c in worth], all_of_them=settle)
@@ -175,6 +182,26 @@ class FurnitureMap:
             for candidate in found
             for verified in with_verdicts(candidate, self._judge.verdicts(candidate.key))
         ]
+
+    def _hypotheses(self, classification: Classification) -> list[FurnitureHypothesis]:
+        """What satisfies a definition; with CAD models to try, also what is a part of one."""
+        partial = [
+            hypothesis
+            for furniture in self._rules.furniture_classes
+            if self._judge is not None and self._judge.has_models(furniture.name)
+            for hypothesis in partial_hypotheses(classification, furniture)
+        ]
+        return [*classification.hypotheses, *partial]
+
+    def _is_explained(self, candidate: Candidate) -> bool:
+        """Whether a single plane belongs to a piece that is known already."""
+        return any(
+            track.is_accepted
+            and (track.item.class_name, self._plane_map.current(track.main_plane)) != candidate.key
+            and is_inside(candidate, track.item.box)
+            for track in self._tracks
+            if track.item.cad is not None and track.item.cad.is_exact
+        )
 
     def _choose(self, candidates: list[Candidate]) -> list[Candidate]:
         followed = {

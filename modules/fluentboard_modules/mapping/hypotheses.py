@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -29,11 +30,15 @@ class FurnitureGeometry:
         pose: origin at the centroid of the main plane, upright, x to the front; map frame.
         box: upright box from the floor to the highest plane, turned like the pose; map frame.
         back_plane: index of the plane that gave the front direction, None if none did.
+        main_side: which side of the piece its main plane is.
+        may_be_reversed: whether it may as well face the other way.
     """
 
     pose: Pose
     box: BoundingBox
     back_plane: int | None
+    main_side: Literal["top", "back", "front"] = "top"
+    may_be_reversed: bool = False
 
 
 def place_hypothesis(
@@ -192,7 +197,11 @@ def _place_backrest(
     corners = np.concatenate([outline, outline + depth * forward])
     box = _box_around(corners, yaw, float(outline[:, 2].max()))
     return FurnitureGeometry(
-        _pose(back.centroid + 0.5 * depth * forward, yaw), box, hypothesis.main_plane
+        _pose(back.centroid + 0.5 * depth * forward, yaw),
+        box,
+        hypothesis.main_plane,
+        "back",
+        may_be_reversed=not others,
     )
 
 
@@ -209,7 +218,7 @@ def _place_front(
     corners = np.concatenate([outline, outline + depth * backward])
     box = _box_around(corners, yaw, float(outline[:, 2].max()))
     return FurnitureGeometry(
-        _pose(front.centroid + 0.5 * depth * backward, yaw), box, hypothesis.main_plane
+        _pose(front.centroid + 0.5 * depth * backward, yaw), box, hypothesis.main_plane, "front"
     )
 
 

@@ -72,6 +72,10 @@ class FurnitureJudge:
         """The depth images kept, oldest first."""
         return self._views.since()
 
+    def has_models(self, class_name: str) -> bool:
+        """Whether there are CAD models of a class."""
+        return self.is_on and bool(self._library.of_class(class_name))
+
     def look(self, frame: SensorFrame) -> DepthView:
         """Keeps a frame."""
         return self._views.add(frame)

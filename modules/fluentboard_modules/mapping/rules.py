@@ -81,6 +81,38 @@ class Classification:
     near_misses: tuple[NearMiss, ...]
 
 
+def partial_hypotheses(
+    classification: Classification, furniture: FurnitureClass
+) -> list[FurnitureHypothesis]:
+    """Planes that have a label of a class's main or back plane without the rest of its definition.
+
+    Of a chair in one image often only the seat or only the back is in sight. That is too little for
+    the definition, but enough to look there with a CAD model.
+    """
+    defined = {
+        part.plane
+        for hypothesis in classification.hypotheses
+        if hypothesis.class_name == furniture.name
+        for part in hypothesis.planes
+        if part.label in (*furniture.main_planes, *furniture.back_planes)
+    }
+    found: list[FurnitureHypothesis] = []
+    for plane, labels in enumerate(classification.labels):
+        wanted = [n for n in (*furniture.main_planes, *furniture.back_planes) if n in labels]
+        if wanted and plane not in defined:
+            found.append(
+                FurnitureHypothesis(
+                    class_name=furniture.name,
+                    main_plane=plane,
+                    planes=(PlaneInRole(plane, wanted[0]),),
+                    rules=classification.rules[plane],
+                    priority=furniture.priority,
+                    main_label=wanted[0],
+                )
+            )
+    return found
+
+
 class FurnitureRules:
     """A furniture ontology, ready to classify planes.
 

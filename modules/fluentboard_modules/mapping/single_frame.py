@@ -11,14 +11,21 @@ from fluentboard_modules.mapping.candidates import (
     Candidate,
     case_of,
     choose,
+    explains,
     place_candidate,
     with_verdicts,
 )
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.rules import FurnitureRules
+from fluentboard_modules.mapping.rules import (
+    FurnitureHypothesis,
+    FurnitureRules,
+    partial_hypotheses,
+)
 from fluentboard_modules.mapping.verify import Verdict, verify
+
+_MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +59,9 @@ def find_furniture(
 ) -> SceneFindings:
     """Classifies planes once and verifies every hypothesis.
 
+    Whole definitions come first. Then single planes are tried with the class's CAD models, as far
+    as nothing that was found explains them.
+
     Args:
         regions: planar regions of a frame or of a registered scene, map frame.
         views: the frame itself, or depth images of the scene.
@@ -61,26 +71,39 @@ def find_furniture(
         floor: from where heights count; by default from z = 0.
     """
     classification = rules.classify(regions, floor=floor, explain=False)
-    frames_of = dict.fromkeys(range(len(regions)), _MANY_FRAMES)
     judged: list[Judged] = []
-    candidates: list[Candidate] = []
-    for hypothesis in classification.hypotheses:
-        candidate = place_candidate(
-            hypothesis,
-            rules.rules.furniture[hypothesis.class_name],
-            range(len(regions)),
-            regions,
-            frames_of,
-            1.0,
-            config.furniture,
-        )
-        case = case_of(candidate)
-        verdicts = verify(
-            case.class_name, case.geometry, case.parts, views, library, config.verification
-        )
-        judged += [Judged(candidate, verdict) for verdict in verdicts]
-        candidates += with_verdicts(candidate, verdicts)
-    return SceneFindings(tuple(choose(candidates, set(), config.furniture)), tuple(judged))
 
+    def judge(
+        hypotheses: Sequence[FurnitureHypothesis], found: Sequence[Candidate]
+    ) -> list[Candidate]:
+        candidates: list[Candidate] = []
+        for hypothesis in hypotheses:
+            candidate = place_candidate(
+                hypothesis,
+                rules.rules.furniture[hypothesis.class_name],
+                range(len(regions)),
+                regions,
+                dict.fromkeys(range(len(regions)), _MANY_FRAMES),
+                1.0,
+                config.furniture,
+            )
+            if any(explains(piece, candidate) for piece in (*found, *candidates)):
+                continue
+            case = case_of(candidate)
+            verdicts = verify(
+                case.class_name, case.geometry, case.parts, views, library, config.verification
+            )
+            judged.extend(Judged(candidate, verdict) for verdict in verdicts)
+            candidates += with_verdicts(candidate, verdicts)
+        return candidates
 
-_MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
+    whole = judge(classification.hypotheses, ())
+    parts = [
+        hypothesis
+        for furniture in rules.furniture_classes
+        if library.of_class(furniture.name)
+        for hypothesis in partial_hypotheses(classification, furniture)
+    ]
+    parts.sort(key=lambda part: -regions[part.main_plane].area_m2)
+    partial = judge(parts, choose(whole, set(), config.furniture))
+    return SceneFindings(tuple(choose([*whole, *partial], set(), config.furniture)), tuple(judged))

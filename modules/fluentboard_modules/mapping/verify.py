@@ -25,12 +25,14 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.visibility import (
     Visibility,
     compare_with_views,
+    front_relief_m,
     scene_points,
 )
 
 _LEVEL = 0.7  # of a normal's z: above, a face is level
 _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
 _ROW_MAX = 12  # models side by side
+_BACK_M = 0.08  # from the back of a chair's backrest to its front
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +146,15 @@ def _try_model(
 ) -> tuple[Verdict, ...]:
     starts = possible_starts(model, geometry, parts, config)
     if starts:
-        return (_best_of(model, starts, views, config),)
+        return (_best_of(model, starts, views, config, geometry),)
     rows = possible_rows(model, geometry, parts, config)
     if not rows:
         return ()
     quick = views[:3]
     best = max(rows, key=lambda row: sum(_look(model, s, quick, config).closeness for s in row))
-    return tuple(_best_of(model, [standing], views, config, reach_m=0.2) for standing in best)
+    return tuple(
+        _best_of(model, [standing], views, config, geometry, reach_m=0.2) for standing in best
+    )
 
 
 def _best_of(
@@ -158,6 +162,7 @@ def _best_of(
     starts: Sequence[Standing],
     views: Sequence[DepthView],
     config: VerificationConfig,
+    geometry: FurnitureGeometry,
     reach_m: float = np.inf,
 ) -> Verdict:
     """The best place that ICP finds from any of the starts, or a start itself if that is better."""
@@ -176,13 +181,18 @@ def _best_of(
             trial = _look(model, standing, views, config)
             if trial.closeness > best.closeness:
                 best, covariance = trial, aligned.covariance
-    score = best.visibility.score(config.visibility)
+    score, initial_score = (t.visibility.score(config.visibility) for t in (best, initial))
+    if geometry.main_side == "front":
+        # All that is measured lies in one plane: whether it is a front shows in its relief.
+        relief = front_relief_m(model, best.standing.transform, views, config.visibility)
+        share = float(np.clip(relief / config.relief_m, 0.0, 1.0))
+        score, initial_score = share * score, share * initial_score
     return Verdict(
         model,
         best.standing,
         initial.standing,
         score,
-        initial.visibility.score(config.visibility),
+        initial_score,
         best.visibility,
         covariance,
         score >= config.accept_score,
@@ -261,7 +271,8 @@ def possible_rows(
     rows: list[list[Standing]] = []
     for turn in fit.turns:
         sizes = fit.sizes(turn)
-        counts = np.maximum(np.round(fit.seen / sizes), 1.0)
+        counts = np.maximum(np.round(fit.seen / np.maximum(sizes, _BACK_M)), 1.0)
+        counts[sizes < _BACK_M] = 1.0
         if counts.prod() < 2 or counts.prod() > _ROW_MAX:
             continue
         # Across the row, the plane must not be larger than the face.
@@ -301,20 +312,25 @@ def _face_and_plane(
 ) -> _Fit | None:
     main = parts[0]
     yaw = geometry.pose.yaw_rad
-    if abs(main.normal[2]) < _LEVEL:
-        face = model.mesh.bounds[:, :2]
-        low, high = _extent_along(geometry.box.corners(), yaw)
+    if geometry.main_side != "top":
+        (x_back, *_), (x_front, *_) = model.mesh.bounds.tolist()
+        face = model.mesh.bounds[:, :2].copy()
+        # The backs of chairs recline, so they fill a little depth.
+        face[:, 0] = (x_back, x_back + _BACK_M) if geometry.main_side == "back" else x_front
         bottom, top = main.bounds_map()[0][2], main.bounds_map()[1][2]
         if top > model.mesh.bounds[1, 2] + _HEIGHT_REACH_M or bottom < -_HEIGHT_REACH_M:
             return None
+        low, high = _extent_along(main.outline_map(), yaw)
     else:
         found = model.top_faces(main.height_m, _HEIGHT_REACH_M)
         if found is None:
             return None
         face = found
         low, high = _extent_along(main.outline_map(), yaw)
-    has_front = geometry.back_plane is not None  # a backrest or a front said where it faces
-    turns = (0.0,) if has_front else _turns(model, face)
+    if geometry.may_be_reversed:
+        turns: tuple[float, ...] = (0.0, np.pi)
+    else:  # a backrest or a front may have said where it faces
+        turns = (0.0,) if geometry.back_plane is not None else _turns(model, face)
     return _Fit(face, high - low, 0.5 * (low + high), yaw, turns)
 
 

@@ -24,6 +24,7 @@ from fluentboard_modules.mapping.depth_views import DepthView
 
 _NEAREST_M = 0.3
 _BESIDE_M = 0.01
+_RELIEF_REACH_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,6 +256,46 @@ def _voids_m2(
     return filled, empty
 
 
+def front_relief_m(
+    model: CadModel, T_map_model: Transform, views: Iterable[DepthView], config: VisibilityConfig
+) -> float:
+    """How much deeper the openings of a model's front were measured than its edges, in metres.
+
+    Books stand a few centimetres behind the edges of their boards. A wall or a door is as deep
+    where the model has an edge as where it has an opening, so this is 0 for it, however noisy.
+    """
+    front = float(model.mesh.bounds[1, 0])
+    sums = np.zeros((2, 2))  # of edges and openings: weight, weight times depth behind the front
+    for view in views:
+        window = _window(model, T_map_model, view, config)
+        if window is None:
+            continue
+        rays, depth = view.rays[window], view.depth_m[window]
+        T_model_sensor = T_map_model.inverse() @ view.T_map_sensor
+        origin = T_model_sensor.translation.astype(np.float32)
+        directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
+        if origin[0] <= front:
+            continue
+        hits = model.caster.cast(
+            np.concatenate([np.broadcast_to(origin, rays.shape), directions], -1)
+        )
+        hit = np.isfinite(hits.distance)
+        expected_x = origin[0] + np.where(hit, hits.distance, 0.0) * directions[..., 0]
+        behind = front - (origin[0] + depth * directions[..., 0])
+        # What is far in front of it or far inside says nothing about its edges.
+        usable = hit & (depth > 0.0) & (np.abs(behind) < _RELIEF_REACH_M)
+        is_edge = expected_x > front - 0.012
+        is_opening = expected_x < front - 0.06
+        weight = 1.0 / np.maximum(view.sigma_m[window], 1e-3) ** 2
+        for k, kind in enumerate((is_edge, is_opening)):
+            chosen = usable & kind
+            sums[k] += weight[chosen].sum(), (weight[chosen] * behind[chosen]).sum()
+    if (sums[:, 0] <= 0.0).any():
+        return 0.0
+    edges, openings = sums[:, 1] / sums[:, 0]
+    return float(openings - edges)
+
+
 def scene_points(
     views: Sequence[DepthView], T_map_box: Transform, half_size: FloatArray, spacing_m: float
 ) -> FloatArray:
@@ -268,6 +309,6 @@ def scene_points(
     points = np.concatenate(parts) if parts else np.zeros((0, 3))
     if len(points) == 0:
         return points
-    keys = np.floor(points / spacing_m).astype(np.int64)
-    _, first = np.unique(keys, axis=0, return_index=True)
+    x, y, z = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64).T
+    _, first = np.unique((x << 40) | (y << 20) | z, return_index=True)
     return points[np.sort(first)]
