@@ -17,7 +17,7 @@ from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
 
 _INSIDE_M = 0.05
-_EXACT_BONUS = 50.0  # a CAD file that fits says more than the order of the classes
+_EXACT_BONUS = 200.0  # a CAD file that fits says more than the order of the classes
 
 
 @dataclass(frozen=True, slots=True)

@@ -331,6 +331,12 @@ class VerificationConfig(_Settings):
     accept_score: float = Field(
         default=0.7, ge=0.0, le=1.0, description="Explained share from which it is furniture."
     )
+    accept_exact_score: float = Field(
+        default=0.75,
+        ge=0.0,
+        le=1.0,
+        description="The same for CAD files, which real pieces agree with better.",
+    )
     relief_m: float = Field(
         default=0.017,
         gt=0.0,

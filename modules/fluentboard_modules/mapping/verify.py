@@ -195,7 +195,7 @@ def _best_of(
         initial_score,
         best.visibility,
         covariance,
-        score >= config.accept_score,
+        score >= (config.accept_exact_score if model.is_exact else config.accept_score),
         len(views),
     )
 
