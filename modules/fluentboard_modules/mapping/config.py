@@ -318,6 +318,10 @@ class VerificationConfig(_Settings):
     """Hypotheses to verified furniture."""
 
     is_on: bool = Field(default=True, description="False leaves hypotheses as they are.")
+    generic_models: bool = Field(
+        default=True,
+        description="Classes without a CAD file are judged by their planes; False: not believed.",
+    )
     alignment: AlignmentConfig = AlignmentConfig()
     visibility: VisibilityConfig = VisibilityConfig()
     views_max: int = Field(default=6, ge=1, description="Views that a placement is judged by.")

@@ -17,9 +17,11 @@ from shapely.geometry import MultiPolygon
 
 from fluentboard.model.geometry import BoundingBox, FloatArray, Pose, Transform
 from fluentboard_modules.mapping.config import HypothesisConfig
-from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon
 from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import FurnitureHypothesis
+
+_COMMON_DIRECTION = 0.5  # of the edges' squared lengths; 0 for a round top, 1 for a rectangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +137,34 @@ def _top_yaw(main: PlanarRegion, config: HypothesisConfig) -> float:
     corners = shapely.get_coordinates(footprint).astype(np.float32)
     if len(corners) < 3:
         return principal_yaw(footprint)
-    (_, _), (width, height), angle_deg = cv2.minAreaRect(corners)
-    yaw = np.deg2rad(angle_deg) + (0.0 if width >= height else 0.5 * np.pi)
+    along_edges = _edge_yaw(footprint)
+    if along_edges is None:
+        (_, _), (width, height), angle_deg = cv2.minAreaRect(corners)
+        yaw = np.deg2rad(angle_deg) + (0.0 if width >= height else 0.5 * np.pi)
+    else:
+        c, s = np.cos(along_edges), np.sin(along_edges)
+        width, height = np.ptp(corners @ np.array([[c, -s], [s, c]]), axis=0)
+        yaw = along_edges + (0.0 if width >= height else 0.5 * np.pi)
     return float((yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+
+
+def _edge_yaw(footprint: MultiPolygon) -> float | None:
+    """The direction that the edges of an outline have in common, up to quarter turns.
+
+    The sides of a top are long and at right angles, also of an L-shaped one; what hides a part of
+    it leaves edges in any direction. None if there is no such direction, as for a round table.
+    """
+    total = 0.0 + 0.0j
+    weight = 0.0
+    for part in as_multipolygon(footprint.simplify(0.03)).geoms:
+        edges = np.diff(np.asarray(part.exterior.coords)[:, :2], axis=0)
+        length = np.linalg.norm(edges, axis=1)
+        angle = np.arctan2(edges[:, 1], edges[:, 0])
+        total += complex((length**2 * np.exp(4.0j * angle)).sum())
+        weight += float((length**2).sum())
+    if weight <= 0.0 or abs(total) < _COMMON_DIRECTION * weight:
+        return None
+    return float(np.angle(total) / 4.0)
 
 
 def _best_back(

@@ -101,6 +101,8 @@ def verify(
     if not chosen:
         return ()
     models = library.of_class(class_name)
+    if not models and not config.generic_models:
+        return ()
     if not models:
         generic = generic_model(class_name, geometry, parts)
         return () if generic is None else (_judge_generic(generic, geometry, chosen, config),)
@@ -151,7 +153,12 @@ def _try_model(
     if not rows:
         return ()
     quick = views[:3]
-    best = max(rows, key=lambda row: sum(_look(model, s, quick, config).closeness for s in row))
+
+    def closeness(row: Sequence[Standing]) -> float:
+        looks = (compare_with_views(model, s.transform, quick, config.visibility) for s in row)
+        return sum(looks, Visibility()).closeness(config.visibility)
+
+    best = max(rows, key=closeness)
     return tuple(
         _best_of(model, [standing], views, config, geometry, reach_m=0.2) for standing in best
     )
@@ -271,24 +278,32 @@ def possible_rows(
     rows: list[list[Standing]] = []
     for turn in fit.turns:
         sizes = fit.sizes(turn)
-        counts = np.maximum(np.round(fit.seen / np.maximum(sizes, _BACK_M)), 1.0)
-        counts[sizes < _BACK_M] = 1.0
-        if counts.prod() < 2 or counts.prod() > _ROW_MAX:
-            continue
-        # Across the row, the plane must not be larger than the face.
-        if (fit.seen > sizes * counts + 2.0 * config.size_slack_m).any():
-            continue
-        spare = 0.5 * (fit.seen - sizes * counts)
-        for side in (0.0, -1.0, 1.0):
-            shift = side * np.where(counts > 1, spare, 0.0)
+        for counts in _row_counts(fit.seen, sizes):
+            total = sizes * counts
+            # Neither across the row nor along it is the plane larger than the faces.
+            if (fit.seen > total + 2.0 * config.size_slack_m).any():
+                continue
+            spare = np.where(np.array(counts) > 1, 0.5 * (total - fit.seen), 0.0)
+            sides = (0.0, -1.0, 1.0) if np.abs(spare).max() > 0.03 else (0.0,)
             steps = [(np.arange(n) - 0.5 * (n - 1)) * s for n, s in zip(counts, sizes, strict=True)]
-            rows.append(
+            rows += [
                 [
-                    _standing(fit.face, fit.middle + shift + offset, fit.yaw, turn)
+                    _standing(fit.face, fit.middle + side * spare + offset, fit.yaw, turn)
                     for offset in itertools.product(*steps)
                 ]
-            )
+                for side in sides
+            ]
     return rows
+
+
+def _row_counts(seen: FloatArray, sizes: FloatArray) -> list[tuple[int, int]]:
+    """How many faces along each axis may make up what was seen, at least two in all."""
+    choices: list[list[int]] = []
+    for length, size in zip(seen.tolist(), sizes.tolist(), strict=True):
+        ratio = length / size if size > _BACK_M else 1.0
+        choices.append(sorted({max(int(np.floor(ratio + 0.1)), 1), max(int(np.ceil(ratio)), 1)}))
+    counts = [(x, y) for x in choices[0] for y in choices[1]]
+    return [(x, y) for x, y in counts if 2 <= x * y <= _ROW_MAX]
 
 
 @dataclass(frozen=True, slots=True)
