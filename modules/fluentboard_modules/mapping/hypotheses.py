@@ -21,7 +21,8 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipoly
 from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import FurnitureHypothesis
 
-_COMMON_DIRECTION = 0.5  # of the edges' squared lengths; 0 for a round top, 1 for a rectangle
+# Edges within this angle have a direction in common, if they make up this share of the outline.
+_COMMON_RAD, _COMMON_SHARE = 0.09, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,17 +155,20 @@ def _edge_yaw(footprint: MultiPolygon) -> float | None:
     The sides of a top are long and at right angles, also of an L-shaped one; what hides a part of
     it leaves edges in any direction. None if there is no such direction, as for a round table.
     """
-    total = 0.0 + 0.0j
-    weight = 0.0
-    for part in as_multipolygon(footprint.simplify(0.03)).geoms:
-        edges = np.diff(np.asarray(part.exterior.coords)[:, :2], axis=0)
-        length = np.linalg.norm(edges, axis=1)
-        angle = np.arctan2(edges[:, 1], edges[:, 0])
-        total += complex((length**2 * np.exp(4.0j * angle)).sum())
-        weight += float((length**2).sum())
-    if weight <= 0.0 or abs(total) < _COMMON_DIRECTION * weight:
+    outline = as_multipolygon(footprint.simplify(0.03))
+    edges = [np.diff(np.asarray(part.exterior.coords)[:, :2], axis=0) for part in outline.geoms]
+    if not edges:
         return None
-    return float(np.angle(total) / 4.0)
+    sides = np.concatenate(edges)
+    length = np.linalg.norm(sides, axis=1)
+    angle = np.arctan2(sides[:, 1], sides[:, 0])
+    apart = np.abs(np.angle(np.exp(4.0j * (angle[:, None] - angle[None, :])))) / 4.0
+    support = (apart <= _COMMON_RAD) @ length
+    best = int(np.argmax(support))
+    if support[best] < _COMMON_SHARE * length.sum():
+        return None
+    agree = apart[best] <= _COMMON_RAD
+    return float(np.angle((length[agree] ** 2 * np.exp(4.0j * angle[agree])).sum()) / 4.0)
 
 
 def _best_back(

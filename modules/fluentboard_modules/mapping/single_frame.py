@@ -74,7 +74,9 @@ def find_furniture(
     judged: list[Judged] = []
 
     def judge(
-        hypotheses: Sequence[FurnitureHypothesis], found: Sequence[Candidate]
+        hypotheses: Sequence[FurnitureHypothesis],
+        found: Sequence[Candidate] = (),
+        is_partial: bool = False,
     ) -> list[Candidate]:
         candidates: list[Candidate] = []
         for hypothesis in hypotheses:
@@ -87,7 +89,7 @@ def find_furniture(
                 1.0,
                 config.furniture,
             )
-            if any(explains(piece, candidate) for piece in (*found, *candidates)):
+            if is_partial and any(explains(piece, candidate) for piece in (*found, *candidates)):
                 continue
             case = case_of(candidate)
             verdicts = verify(
@@ -97,7 +99,7 @@ def find_furniture(
             candidates += with_verdicts(candidate, verdicts)
         return candidates
 
-    whole = judge(classification.hypotheses, ())
+    whole = judge(classification.hypotheses)
     parts = [
         hypothesis
         for furniture in rules.furniture_classes
@@ -105,5 +107,5 @@ def find_furniture(
         for hypothesis in partial_hypotheses(classification, furniture)
     ]
     parts.sort(key=lambda part: -regions[part.main_plane].area_m2)
-    partial = judge(parts, choose(whole, set(), config.furniture))
+    partial = judge(parts, choose(whole, set(), config.furniture), is_partial=True)
     return SceneFindings(tuple(choose([*whole, *partial], set(), config.furniture)), tuple(judged))
