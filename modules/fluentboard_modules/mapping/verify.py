@@ -32,6 +32,8 @@ from fluentboard_modules.mapping.visibility import (
 _LEVEL = 0.7  # of a normal's z: above, a face is level
 _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
 _ROW_MAX = 12  # models side by side
+_SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
+_SETTLED_SCORE = 0.9  # nothing is searched from here on
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
 
 
@@ -159,6 +161,10 @@ def _try_model(
         return sum(looks, Visibility()).closeness(config.visibility)
 
     best = max(rows, key=closeness)
+    for step in _SEARCH_STEPS_M:
+        shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
+        shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
+        best = max(shifted, key=closeness)
     return tuple(
         _best_of(model, [standing], views, config, geometry, reach_m=0.2) for standing in best
     )
@@ -188,6 +194,8 @@ def _best_of(
             trial = _look(model, standing, views, config)
             if trial.closeness > best.closeness:
                 best, covariance = trial, aligned.covariance
+    if best.visibility.score(config.visibility) < _SETTLED_SCORE:
+        best = _searched(model, best, views, config)
     score, initial_score = (t.visibility.score(config.visibility) for t in (best, initial))
     if geometry.main_side == "front":
         # All that is measured lies in one plane: whether it is a front shows in its relief.
@@ -205,6 +213,19 @@ def _best_of(
         score >= (config.accept_exact_score if model.is_exact else config.accept_score),
         len(views),
     )
+
+
+def _searched(
+    model: CadModel, best: _Trial, views: Sequence[DepthView], config: VerificationConfig
+) -> _Trial:
+    """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
+    for step in _SEARCH_STEPS_M:
+        for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
+            trial = _look(model, best.standing.moved(dx, dy, 0.0), views, config)
+            if trial.closeness > best.closeness:
+                best = trial
+                break
+    return best
 
 
 def _look(
