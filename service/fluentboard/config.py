@@ -67,6 +67,16 @@ class StorageSettings(_Section):
         default=Path("fluentboard-data"),
         description="Folder of the journal and the RDF store; null keeps everything in memory.",
     )
+    store: str | None = Field(
+        default=None,
+        description="Address of a SPARQL 1.1 endpoint that holds the RDF store; null keeps the "
+        "store in the data folder.",
+    )
+    store_update: str | None = Field(
+        default=None,
+        description="Where the endpoint takes updates; null for where it takes queries, or for "
+        "/update if `store` has no path.",
+    )
     durability: Literal["disk", "process"] = Field(
         default="disk",
         description="disk: a write is on the disk before it is acknowledged; "

@@ -54,7 +54,7 @@ class Evaluator:
         service_endpoints: Collection[str] = (),
         readers_folder: Path | None = None,
     ) -> None:
-        can_follow = readers_folder is not None and board.journal_file is not None
+        can_follow = readers_folder is not None and board.can_be_followed
         self._readers = (
             ReaderPool(board, readers_folder, limits) if can_follow and readers_folder else None
         )

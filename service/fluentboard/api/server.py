@@ -16,6 +16,7 @@ import uvicorn
 from fluentboard.api.app import BoardApp, create_app
 from fluentboard.api.security import check_exposure
 from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.endpoint import Endpoint
 from fluentboard.config import ServerSettings, Settings
 from fluentboard.errors import InvalidConfiguration
 
@@ -46,11 +47,16 @@ def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> 
     listener = listening_socket(settings.server)
     try:
         storage = settings.storage
+        endpoint = None
+        if storage.store is not None:
+            timeout_s = settings.limits.query_timeout_s
+            endpoint = Endpoint(storage.store, storage.store_update, timeout_s)
         with Blackboard.open(
             storage.data,
             durability=storage.durability,
             ontologies=storage.ontologies,
             builtin_ontologies=storage.builtin_ontologies,
+            endpoint=endpoint,
         ) as board:
             run(board, settings, listener, announce)
     finally:

@@ -24,6 +24,7 @@ from fluentboard.board.commands import (
     RefineFluent,
     name_of,
 )
+from fluentboard.board.endpoint import Endpoint
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.graphs import Graphs
 from fluentboard.board.intervals import FluentFilter, IntervalIndex
@@ -32,6 +33,8 @@ from fluentboard.board.listing import Listing, Page
 from fluentboard.board.mirrored_journal import MirroredJournal
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
+from fluentboard.board.rdf_store import RdfStore
+from fluentboard.board.remote_store import RemoteStore
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
@@ -47,7 +50,13 @@ from fluentboard.board.vocabulary import (
 )
 from fluentboard.board.writer import Request, Writer
 from fluentboard.clock import Clock, SystemClock
-from fluentboard.errors import FluentboardError, InvalidInput, InvalidName, UnknownFluent
+from fluentboard.errors import (
+    FluentboardError,
+    InvalidInput,
+    InvalidName,
+    StorageFailed,
+    UnknownFluent,
+)
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Certainty
 from fluentboard_ontology import PREFIXES
@@ -97,6 +106,7 @@ class Blackboard:
         clock: Clock | None = None,
         builtin_ontologies: bool = True,
         log: CommitLog | None = None,
+        endpoint: Endpoint | None = None,
     ) -> Blackboard:
         """Opens a board, recovers it if need be, and loads its ontologies.
 
@@ -106,6 +116,8 @@ class Blackboard:
             ontologies: Turtle or RDF/XML files to load on top.
             clock: where transaction times and `now` come from; the system by default.
             builtin_ontologies: load `upper`, `race` and `furniture`.
+            endpoint: holds the RDF store, which is then not in `data`; it must be empty or this
+                board's.
             log: where commits are kept, such as a replicated log; the journal in `data` is then a
                 mirror of it. None makes that journal the truth itself.
 
@@ -121,11 +133,17 @@ class Blackboard:
         try:
             if log is not None:
                 journal = MirroredJournal(log, own)
-            store = EmbeddedStore(data and data / "store")
+            store: RdfStore = (
+                EmbeddedStore(data and data / "store")
+                if endpoint is None
+                else RemoteStore(endpoint, lambda: _identity(journal))
+            )
             projections = Projections(journal, store, IntervalIndex(), durability)
             projections.recover()
         except BaseException:
             journal.close()
+            if endpoint is not None:
+                endpoint.close()
             raise
         board = cls(projections, clock)
         try:
@@ -325,6 +343,8 @@ class Blackboard:
         if at is not None or as_of is not None:
             perspective = Perspective(at, as_of, certainty)
             return self._views.query(sparql, perspective, default_graphs, named_graphs)
+        if self._needs_view(sparql):
+            return self._views.query(sparql, Perspective(), default_graphs, named_graphs)
         self._projector.wait_for(self.commit)
         commit, is_exact, results = self._projections.store.marked_query(
             self._rewritten(sparql) if default_graphs is None else sparql,
@@ -339,6 +359,9 @@ class Blackboard:
 
         It does not wait: the commit may be one that is not the last any more.
         """
+        if self._needs_view(sparql):
+            timed = self._views.query(sparql, Perspective())
+            return timed.commit, timed.results
         # The rewritten query is right only where the class hierarchy of this vocabulary is stored.
         self._projector.wait_for(self._projections.vocabulary_commit)
         return self._projections.store.snapshot_query(
@@ -382,6 +405,12 @@ class Blackboard:
         return self.graphs.named_graphs()
 
     @property
+    def can_be_followed(self) -> bool:
+        """A `Follower` in another process can answer for it."""
+        is_embedded = isinstance(self._projections.store, EmbeddedStore)
+        return is_embedded and self.journal_file is not None
+
+    @property
     def journal_file(self) -> Path | None:
         """Where another process can follow the journal; None if it is in memory."""
         return self._journal.file
@@ -395,7 +424,10 @@ class Blackboard:
         Raises:
             StorageFailed: it cannot be made.
         """
-        return self._projections.store.checkpoint(folder)
+        applied = self._projections.store.checkpoint(folder)
+        if applied is None:
+            raise StorageFailed("a store at an endpoint cannot be copied into a folder")
+        return applied
 
     def remarks(self, commands: Sequence[Command]) -> list[str]:
         """What is allowed but perhaps not meant: undeclared properties, dangling references."""
@@ -424,6 +456,10 @@ class Blackboard:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _needs_view(self, sparql: str) -> bool:
+        """It calls functions that the store does not have; a view in this process has them."""
+        return not self._projections.store.has_functions and mentions_functions(sparql)
 
     def _rewritten(self, sparql: str) -> str:
         return use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
@@ -484,6 +520,12 @@ def _properties(command: Command) -> tuple[Property, ...]:
 
 def _digest(commands: Sequence[Command], author: str) -> str:
     return hashlib.sha256(repr((author, *commands)).encode()).hexdigest()
+
+
+def _identity(journal: Journal) -> str | None:
+    """What a journal is recognised by: its first commit; None while it has none."""
+    first = journal.audit(AuditFilter(), 1)
+    return f"{first[0].wall_s!r} {len(first[0].fluents)}" if first else None
 
 
 def _make_folder(folder: Path) -> None:

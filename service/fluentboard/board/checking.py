@@ -14,6 +14,7 @@ import pyoxigraph as ox
 from fluentboard.board.backup import JOURNAL
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.projections import Projections
+from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import META, EmbeddedStore
 from fluentboard.board.triples import fluent_name
@@ -160,14 +161,14 @@ def _check_fluents(projections: Projections, report: CheckReport) -> None:
             )
 
 
-def _differences(expected: EmbeddedStore, found: EmbeddedStore, report: CheckReport) -> None:
+def _differences(expected: RdfStore, found: RdfStore, report: CheckReport) -> None:
     for quad in _absent(_statements(expected), lambda quad: quad in found):
         report.add(f"store: {_subject(quad)}the statement {_shown(quad)} is missing")
     for quad in _absent(_statements(found), lambda quad: quad in expected):
         report.add(f"store: {_subject(quad)}it has the statement {_shown(quad)} in excess")
 
 
-def _statements(store: EmbeddedStore) -> Iterable[ox.Quad]:
+def _statements(store: RdfStore) -> Iterable[ox.Quad]:
     return (quad for quad in store.everything() if quad.graph_name != META)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pyoxigraph as ox
 
 from fluentboard.board.events import GraphEvent, StatementsChanged
-from fluentboard.board.store import SAID, EmbeddedStore
+from fluentboard.board.rdf_store import RdfStore
+from fluentboard.board.store import SAID
 from fluentboard.board.update_operations import Graph, Term
 from fluentboard.errors import TooLarge
 
@@ -25,7 +26,7 @@ class PendingStatements:
         changes_max: how many statements may be added and removed together.
     """
 
-    def __init__(self, store: EmbeddedStore, changes_max: int) -> None:
+    def __init__(self, store: RdfStore, changes_max: int) -> None:
         self._store = store
         self._changes_max = changes_max
         self._added: dict[ox.Quad, None] = {}

@@ -15,8 +15,8 @@ from fluentboard.board.declarations import Declarations
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import Durability, Journal
+from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.statement_layers import StatementLayers
-from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.triples import event_lines, fluent_lines
 from fluentboard.board.vocabulary import Vocabulary, parse_statements
 from fluentboard.errors import InvalidOntology, UnknownFluent
@@ -40,7 +40,7 @@ class Projections:
     def __init__(
         self,
         journal: Journal,
-        store: EmbeddedStore,
+        store: RdfStore,
         index: IntervalIndex,
         durability: Durability,
     ) -> None:
@@ -132,6 +132,7 @@ class Projections:
             self._declarations.apply(changes)
             if number <= seen and not is_rebuilt:
                 self._layers.skip(changes)
+                self.store.note_said(changes)
         self.vocabulary = self._declarations.vocabulary
         for name, class_name, s1, s2, f1, f2, number in self.journal.outlines(0, last):
             self.index.put_outline(

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pyoxigraph as ox
 
 from fluentboard.board.pending_statements import PendingStatements
-from fluentboard.board.store import HIDDEN_GRAPHS, EmbeddedStore
+from fluentboard.board.rdf_store import RdfStore
+from fluentboard.board.store import HIDDEN_GRAPHS
 from fluentboard.board.triples import fluent_name
 from fluentboard.board.vocabulary import (
     PROPER_SUB_CLASS_OF,
@@ -47,7 +48,7 @@ class StatementRules:
 
     def __init__(
         self,
-        store: EmbeddedStore,
+        store: RdfStore,
         is_in_ontology: Callable[[ox.Quad], bool],
         has_fluent: Callable[[str], bool],
     ) -> None:

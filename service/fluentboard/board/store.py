@@ -5,9 +5,7 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -17,14 +15,11 @@ import pyoxigraph as ox
 from fluentboard.board.oxigraph_query import GraphName as GraphName
 from fluentboard.board.oxigraph_query import QueryResults as QueryResults
 from fluentboard.board.oxigraph_query import ask
+from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.statement_script import StatementScript
 from fluentboard.errors import StorageFailed
 from fluentboard_ontology import FB
 
-FunctionsAt = Callable[[int], Mapping[ox.NamedNode, Any]]
-
-_ATTEMPTS = 4
-_PATIENCE_S = 0.02
 META = ox.NamedNode(FB + "meta")
 """Hidden graph: which commit the store is at."""
 SAID = ox.NamedNode(FB + "said")
@@ -41,7 +36,7 @@ def in_hidden_graph(quad: ox.Quad) -> ox.Quad:
     return ox.Quad(quad.subject, quad.predicate, quad.object, SAID)
 
 
-class EmbeddedStore:
+class EmbeddedStore(RdfStore):
     """Oxigraph in this process.
 
     Reads see whole groups of commits: each `apply` is one transaction, and every query runs on the
@@ -56,6 +51,7 @@ class EmbeddedStore:
     """
 
     def __init__(self, folder: Path | None, *, applied: int | None = None) -> None:
+        super().__init__()
         try:
             self._store = ox.Store() if folder is None else ox.Store(str(folder))
         except OSError as problem:
@@ -64,21 +60,7 @@ class EmbeddedStore:
                 "it, stop that one; if the files are damaged, delete the folder and start again: "
                 "it is rebuilt from the journal"
             ) from None
-        self._applying = threading.Lock()
-        # Odd while a group is applied: lets a reader prove that its snapshot is of one commit.
-        self._sequence = 0
         self._applied = self._marked() if applied is None else applied
-
-    @property
-    def applied(self) -> int:
-        """Number of the last commit applied."""
-        return self._applied
-
-    @property
-    def moment(self) -> int | None:
-        """Differs whenever the statements may; None in the middle of a change."""
-        sequence = self._sequence
-        return sequence if sequence % 2 == 0 else None
 
     @property
     def may_be_ahead(self) -> bool:
@@ -206,51 +188,6 @@ class EmbeddedStore:
             InvalidQuery: it does not parse, or cannot be evaluated.
         """
         return ask(self._store, sparql, default_graphs, named_graphs, self.named_graphs, **extra)
-
-    def snapshot_query(
-        self, sparql: str, *, functions_at: FunctionsAt | None = None, **options: Any
-    ) -> tuple[int, QueryResults]:
-        """The results of a query, with the number of the commit they are exact at.
-
-        Args:
-            sparql: the query.
-            functions_at: gives the extension functions for a query of that commit.
-            options: as for `query`.
-        """
-        for _ in range(_ATTEMPTS):
-            commit, is_exact, results = self._attempt(sparql, functions_at, options)
-            if is_exact:
-                return commit, results
-        with self._applying:
-            commit, _, results = self._attempt(sparql, functions_at, options)
-            return commit, results
-
-    def marked_query(
-        self, sparql: str, *, functions_at: FunctionsAt | None = None, **options: Any
-    ) -> tuple[int, bool, QueryResults]:
-        """The results of a query, with a commit, and whether they are exact at it.
-
-        Results that are not have some later commits too. That happens only where a query took so
-        long that to repeat it, or to keep commits out meanwhile, would do harm.
-        """
-        for _ in range(_ATTEMPTS):
-            began_s = time.monotonic()
-            commit, is_exact, results = self._attempt(sparql, functions_at, options)
-            if is_exact or time.monotonic() - began_s > _PATIENCE_S:
-                return commit, is_exact, results
-        with self._applying:
-            commit, _, results = self._attempt(sparql, functions_at, options)
-            return commit, True, results
-
-    def _attempt(
-        self, sparql: str, functions_at: FunctionsAt | None, options: Mapping[str, Any]
-    ) -> tuple[int, bool, QueryResults]:
-        sequence, commit = self._sequence, self._applied
-        if functions_at is None:
-            results = self.query(sparql, **options)
-        else:
-            results = self.query(sparql, custom_functions=dict(functions_at(commit)), **options)
-        return commit, sequence % 2 == 0 and self._sequence == sequence, results
 
     def subjects(
         self, predicate: str, value: ox.NamedNode | ox.Literal | None = None, *, limit: int

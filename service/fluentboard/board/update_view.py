@@ -13,7 +13,8 @@ import pyoxigraph as ox
 
 from fluentboard.board.pending_statements import PendingStatements
 from fluentboard.board.query_reach import Reach
-from fluentboard.board.store import EmbeddedStore, GraphName
+from fluentboard.board.rdf_store import RdfStore
+from fluentboard.board.store import GraphName
 from fluentboard.board.update_operations import Modify
 
 _EVERYTHING = Reach(frozenset({(None, None, None)}), looks_outside_graphs=True, names_dataset=False)
@@ -21,7 +22,7 @@ _EVERYTHING = Reach(frozenset({(None, None, None)}), looks_outside_graphs=True, 
 
 def view_for(
     operation: Modify,
-    store: EmbeddedStore,
+    store: RdfStore,
     pending: PendingStatements,
     is_said_otherwise: Callable[[ox.Quad], bool],
 ) -> ox.Store:

@@ -15,8 +15,8 @@ import pyoxigraph as ox
 from fluentboard.board.events import StatementsChanged
 from fluentboard.board.oxigraph_query import QueryResults, ask
 from fluentboard.board.pending_statements import PendingStatements
+from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.statement_rules import StatementRules
-from fluentboard.board.store import EmbeddedStore
 from fluentboard.board.update_operations import (
     Clear,
     Create,
@@ -60,7 +60,7 @@ class UpdateEvaluation:
 
     def __init__(
         self,
-        store: EmbeddedStore,
+        store: RdfStore,
         ask_store: AskStore,
         rules: StatementRules,
         changes_max: int,

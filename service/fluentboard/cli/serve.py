@@ -44,6 +44,14 @@ def serve(
             help="Folder of the journal and the store.",
         ),
     ] = None,
+    store: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="SPARQL 1.1 endpoint that holds the RDF store; by default it is in the data "
+            "folder.",
+        ),
+    ] = None,
     in_memory: Annotated[
         bool, typer.Option("--in-memory", help="Keep nothing on disk; for trials and tests.")
     ] = False,
@@ -92,6 +100,7 @@ def serve(
             "server.host": host,
             "server.port": port,
             "storage.data": data,
+            "storage.store": store,
             "storage.ontologies": ontology or None,
             "storage.durability": durability,
             "security.allow_open": allow_open or None,

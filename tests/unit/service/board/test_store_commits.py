@@ -8,7 +8,7 @@ from typing import Any
 import pyoxigraph as ox
 import pytest
 
-import fluentboard.board.store as store_module
+import fluentboard.board.rdf_store as store_module
 from fluentboard.board.store import EmbeddedStore
 
 ASK = "ASK { ?s ?p ?o }"
