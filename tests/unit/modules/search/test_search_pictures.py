@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fluentboard_modules.search.execution import ObjectSearch
-from fluentboard_modules.search.record import Moment, SearchRecord
 from PIL import Image
 
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.search.config import SearchConfig, ViewSamplingConfig
+from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
 from fluentboard_modules.search.pictures import SearchAlbum, draw_probability, footprint
+from fluentboard_modules.search.record import Moment, SearchRecord
 from fluentboard_modules.search.region import SearchVolume, region_of
 from fluentboard_modules.simulation.furniture import table
 from fluentboard_modules.simulation.navigation import costmap
