@@ -67,7 +67,9 @@ def test_several_searches_share_one_plot_of_probability() -> None:
         records[name] = SearchRecord(View(0.0, 0.0, 0.0))
         records[name].moments.append(Moment(10.0, 1.0, seen))
     (axes,) = draw_probability(records).axes
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["greedy", "ours"]
+    legend = axes.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["greedy", "ours"]
 
 
 def test_the_outline_of_a_turned_box_is_turned() -> None:
