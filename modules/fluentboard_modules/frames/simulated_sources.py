@@ -106,7 +106,8 @@ def _seminar(wanted: _Wanted) -> SimulatedDrive:
 def _search(wanted: _Wanted) -> SimulatedDrive:
     from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
 
-    scene = hidden_pepper_mill(wanted.seed).scene
+    rooms = whole_number(wanted.text, wanted.options, "rooms", 1, least=1)
+    scene = hidden_pepper_mill(wanted.seed, rooms).scene
     return _through(scene, wanted, "room with a hidden pepper mill", wanted.robot)
 
 
@@ -129,7 +130,7 @@ _KINDS: Mapping[str, _Kind] = {
     "tables": _Kind(_tables, 72, ("scene",)),
     "office": _Kind(_office, 200),
     "seminar": _Kind(_seminar, 200),
-    "search": _Kind(_search, 80),
+    "search": _Kind(_search, 80, ("rooms",)),
 }
 
 SIMULATED_SCENES = tuple(f"sim:{name}" for name in _KINDS)

@@ -30,7 +30,9 @@ SOUGHT_CLASS = "PepperMill"
 
 _ROOM_X_M = 8.0
 _ROOM_Y_M = 6.6
-_START = View(5.76, 0.75, 0.5 * math.pi)
+_SECOND_ROOM_M = 1.6
+_PARTITION_X_M = 4.55
+_DOOR_M = (2.9, 3.95)
 _ABOVE_M = 0.3
 _SEEN_SHARE = 0.3
 _EYES_M = (1.484, 1.784)
@@ -82,32 +84,43 @@ class SearchScene:
         )
 
 
-def hidden_pepper_mill(seed: int = 0) -> SearchScene:
-    """A room with a pepper mill that has to be searched for.
+def hidden_pepper_mill(seed: int = 0, rooms: int = 1) -> SearchScene:
+    """A room, or two with a door between them, with a pepper mill that has to be searched for.
 
     Args:
         seed: decides the room and where the mill is.
+        rooms: 1 or 2.
 
     Raises:
-        InvalidInput: no hiding place was found, which no seed below 1,000 is known to cause.
+        InvalidInput: there are neither one nor two rooms, or no hiding place was found.
     """
+    if rooms not in (1, 2):
+        raise InvalidInput(f"{rooms} rooms to hide a pepper mill in; give 1 or 2")
     rng = np.random.default_rng([seed, 0x9E99E2])
-    scene = _room(rng)
-    free = _standing_places(scene)
+    farther = (rooms - 1) * _SECOND_ROOM_M
+    scene = _room(rng, farther)
+    start = View(round(0.72 * (_ROOM_X_M + farther), 2), 0.75, 0.5 * math.pi)
+    free = _standing_places(scene, start)
     volumes = scene.search_volumes
     for _ in range(_TRIES):
         volume = volumes[int(rng.integers(len(volumes)))]
         trial = _with_mill(scene, volume.name, rng)
         if trial is None:
             continue
-        at_start, elsewhere = _visibility(trial, free)
+        at_start, elsewhere = _visibility(trial, free, start)
         if not at_start and _HIDDEN[0] <= elsewhere <= _HIDDEN[1]:
-            return SearchScene(trial, SOUGHT, volume.name, _START, elsewhere)
+            return SearchScene(trial, SOUGHT, volume.name, start, elsewhere)
     raise InvalidInput(f"no hiding place for a pepper mill with seed {seed}; choose another seed")
 
 
-def _room(rng: np.random.Generator) -> Scene:
-    """The furnished room with its volumes and clutter, without the mill."""
+def _room(rng: np.random.Generator, farther: float) -> Scene:
+    """The furnished room with its volumes and clutter, without the mill.
+
+    Args:
+        rng: moves the furniture and strews the clutter.
+        farther: how much longer the room is; if at all, a wall with a door parts it in two.
+    """
+    x_size = _ROOM_X_M + farther
 
     def near(x: float, y: float, yaw: float) -> Pose:
         dx, dy, dyaw = rng.uniform(-1.0, 1.0, 3)
@@ -120,12 +133,13 @@ def _room(rng: np.random.Generator) -> Scene:
     standing = [
         Instance("counter1", furniture.counter(1.8), Pose.from_rpy(0.35, 2.4, 0.0)),
         Instance("table1", table, near(2.9, 2.2, 0.5 * math.pi)),
-        Instance("table2", table, near(4.7, 4.3, 0.0)),
+        Instance("table2", table, near(4.7 + farther, 4.3, 0.0)),
         Instance("shelf1", shelf, Pose.from_rpy(2.0, _ROOM_Y_M - back, 0.0, yaw=-0.5 * math.pi)),
-        Instance("shelf2", low, Pose.from_rpy(_ROOM_X_M - back, 2.6, 0.0, yaw=math.pi)),
-        Instance("shelf3", shelf, Pose.from_rpy(_ROOM_X_M - back, 4.6, 0.0, yaw=math.pi)),
+        Instance("shelf2", low, Pose.from_rpy(x_size - back, 2.6, 0.0, yaw=math.pi)),
+        Instance("shelf3", shelf, Pose.from_rpy(x_size - back, 4.6, 0.0, yaw=math.pi)),
     ]
-    scene = empty_room(_ROOM_X_M, _ROOM_Y_M).with_instances(standing)
+    partition = _partition() if farther > 0.0 else []
+    scene = empty_room(x_size, _ROOM_Y_M).with_instances([*partition, *standing])
     number = 0
     for name, guests in (("table1", 2), ("table2", 1)):
         places = seats(scene[name], 2)
@@ -140,6 +154,19 @@ def _room(rng: np.random.Generator) -> Scene:
     for name, count in (("counter1", 5), ("table2", 3)):
         scene = _without_mills(with_clutter(scene, name, count, rng))
     return replace(scene, search_volumes=tuple(_volume(i) for i in scene.objects if _may_hide(i)))
+
+
+def _partition() -> list[Instance]:
+    """The wall between two rooms, on both sides of its door."""
+    parts = ((0.0, _DOOR_M[0]), (_DOOR_M[1], _ROOM_Y_M))
+    return [
+        Instance(
+            f"partition{number}",
+            furniture.wall(end - begin),
+            Pose(_PARTITION_X_M, 0.5 * (begin + end), 0.0),
+        )
+        for number, (begin, end) in enumerate(parts, start=1)
+    ]
 
 
 def _may_hide(instance: Instance) -> bool:
@@ -213,17 +240,17 @@ def _screened(scene: Scene, base: Instance, support: Support, rng: np.random.Gen
     return scene
 
 
-def _standing_places(scene: Scene) -> FloatArray:
+def _standing_places(scene: Scene, start: View) -> FloatArray:
     """`(n, 2)`; places half a metre apart from which a PR2 may look."""
     room = costmap(scene, PR2.radius_m, _EYES_M[1])
-    reach = room.path_costs(_START.x, _START.y)
+    reach = room.path_costs(start.x, start.y)
     rows, columns = np.nonzero(np.isfinite(reach))
     points = np.array([room.position(int(r), int(c)) for r, c in zip(rows, columns, strict=True)])
     keep = (rows % 8 == 0) & (columns % 8 == 0)
     return points[keep]
 
 
-def _visibility(scene: Scene, places: FloatArray) -> tuple[bool, float]:
+def _visibility(scene: Scene, places: FloatArray, start: View) -> tuple[bool, float]:
     """Whether the start shows the mill, and the share of the places near it that do."""
     caster = SceneCaster(scene)
     mill = scene[SOUGHT]
@@ -231,11 +258,11 @@ def _visibility(scene: Scene, places: FloatArray) -> tuple[bool, float]:
     near = places[np.linalg.norm(places - centre[:2], axis=1) < 2.5]
     if not len(near):
         return False, 0.0
-    start = np.array([[_START.x, _START.y, z] for z in _EYES_M])
+    first = np.array([[start.x, start.y, z] for z in _EYES_M])
     eyes = np.concatenate([np.column_stack([near, np.full(len(near), z)]) for z in _EYES_M])
-    shown = _shows(caster, mill, np.concatenate([start, eyes]))
-    from_near = shown[len(start) :].reshape(len(_EYES_M), -1).any(axis=0)
-    return bool(shown[: len(start)].any()), float(from_near.mean())
+    shown = _shows(caster, mill, np.concatenate([first, eyes]))
+    from_near = shown[len(first) :].reshape(len(_EYES_M), -1).any(axis=0)
+    return bool(shown[: len(first)].any()), float(from_near.mean())
 
 
 def _shows(caster: SceneCaster, mill: Instance, eyes: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.robots import CALVIN, View
@@ -68,3 +69,16 @@ def test_a_robot_with_a_fixed_head_can_search_too(made: SearchScene) -> None:
     robot = made.robot(CALVIN, image_width=80)
     assert robot.view.tilt_rad == pytest.approx(CALVIN.tilt_rad[0])
     assert robot.sense().depth_m.any()
+
+
+def test_a_second_room_lies_behind_a_door() -> None:
+    made = hidden_pepper_mill(1, rooms=2)
+    robot = made.robot(image_width=64)
+    west, east = (made.scene[name].box.pose for name in ("table1", "table2"))
+    assert west.x < made.scene["partition1"].pose.x < east.x
+    way = robot.costmap.path((made.start.x, made.start.y), (1.5, 3.4))
+    through = way.points[np.abs(way.points[:, 0] - made.scene["partition1"].pose.x).argmin()]
+    assert 2.9 < through[1] < 3.95
+    assert len(made.scene.search_volumes) == 6
+    with pytest.raises(InvalidInput, match="3 rooms"):
+        hidden_pepper_mill(1, rooms=3)
