@@ -135,7 +135,33 @@ class SubscriptionSettings(StandingQuerySettings):
     )
     heartbeat_s: _Seconds = Field(
         default=20.0,
-        description="How often a WebSocket is pinged; no answer for as long again closes it.",
+        description="How often a WebSocket is pinged; no answer for as long again closes it. "
+        "Event streams get a comment as often.",
+    )
+    retry_s: _Seconds = Field(
+        default=1.0, description="How soon a client of a lost event stream should come back."
+    )
+    streams_max: _Count = Field(default=1_000, description="Most event streams open at once.")
+    durable_max: _Count = Field(default=1_000, description="Most durable subscriptions.")
+    webhook_hosts: tuple[str, ...] = Field(
+        default=(),
+        description="Hosts that webhooks may post to besides this machine; * for any.",
+    )
+    webhook_timeout_s: _Seconds = Field(
+        default=10.0, description="How long a post may take to be answered."
+    )
+    webhook_batch: _Count = Field(default=100, description="Most messages in one post.")
+    webhook_attempts: _Count = Field(
+        default=8, description="How often a post is tried before it becomes a dead letter."
+    )
+    webhook_backoff_s: _Seconds = Field(
+        default=1.0, description="Wait after the first failed post; it doubles with each."
+    )
+    webhook_backoff_max_s: _Seconds = Field(
+        default=300.0, description="Longest wait between two tries of a post."
+    )
+    dead_letters_max: _Count = Field(
+        default=1_000, description="Dead letters kept per subscription; the oldest go first."
     )
 
 

@@ -207,6 +207,13 @@ class TooManySubscriptions(FluentboardError):
     http_status = 429
 
 
+class SubscriptionExists(FluentboardError):
+    """A durable subscription of that name is on the board already."""
+
+    code = "subscription-exists"
+    http_status = 409
+
+
 class QueryTimeout(FluentboardError):
     """A query took longer than its limit and was stopped."""
 

@@ -13,6 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Match
 
 from fluentboard import __version__
+from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.edge import Edge
 from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Receive, Scope, Send
@@ -32,10 +33,13 @@ from fluentboard.api.security import Guard
 from fluentboard.api.sepa import PATH as SEPA_PATH
 from fluentboard.api.sepa import SepaRoutes
 from fluentboard.api.sparql import SparqlRoutes
+from fluentboard.api.subscriptions_documented import subscription_operations
 from fluentboard.api.system import SystemRoutes
 from fluentboard.api.transfer import TransferRoutes
 from fluentboard.api.updating import Updater
+from fluentboard.api.webhooks import Webhooks
 from fluentboard.board.blackboard import Blackboard
+from fluentboard.board.subscriptions.durable import DurableSubscriptions
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.config import Settings
 from fluentboard.errors import FluentboardError
@@ -138,8 +142,16 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     registry = SubscriptionRegistry(
         blackboard, settings.subscriptions, outside=blackboard.statements()
     )
-    live = LiveRoutes(registry, guard, settings.subscriptions)
+    durable = DurableSubscriptions(
+        None if data is None else data / "subscriptions.sqlite",
+        settings.subscriptions.dead_letters_max,
+    )
+    webhooks = Webhooks(registry, durable, settings.subscriptions)
+    live = LiveRoutes(registry, guard, settings.subscriptions, durable)
     sepa = SepaRoutes(registry, guard, settings.subscriptions, live)
+    subscribing = DurableRoutes(
+        blackboard, registry, durable, webhooks, live, settings.subscriptions, settings.limits
+    )
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
     system = SystemRoutes(blackboard)
     graph_store = GraphStoreRoutes(blackboard, evaluator, updater, settings.limits)
@@ -151,7 +163,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *FluentRoutes(blackboard, settings.limits).operations(),
         *ObjectRoutes(blackboard).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
-        *live.operations(),
+        *subscription_operations(subscribing),
         *sepa.operations(),
         *frames.operations(),
         *KeepingRoutes(blackboard).operations(),
@@ -163,6 +175,9 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     metrics.gauge("fluents", "Fluents on the board.", lambda: len(blackboard))
     metrics.gauge("websockets", "Open WebSockets.", lambda: live.connections)
     metrics.gauge("subscriptions", "Open subscriptions.", lambda: live.subscriptions)
+    metrics.gauge("event_streams", "Open event streams.", lambda: live.streams)
+    metrics.counter("webhook_posts", "Posts that were taken.", lambda: webhooks.delivered)
+    metrics.counter("webhook_failures", "Posts that failed.", lambda: webhooks.failed)
     metrics.gauge("frame_bytes", "Size of the live frames kept.", lambda: frames.size_bytes)
     metrics.gauge("queries_running", "Queries being evaluated.", lambda: evaluator.running)
     metrics.counter("frames_dropped", "Frames that made room.", lambda: frames.dropped)
@@ -172,11 +187,14 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncGenerator[None]:
         asyncio.get_running_loop().call_later(_WARM_UP_AFTER_S, evaluator.warm_up)
+        await webhooks.start()
         yield
+        await webhooks.close()
         frames.wake()
         await live.close()
         frames.close()
         registry.close()
+        durable.close()
         updater.close()
         evaluator.close()
 

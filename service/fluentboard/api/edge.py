@@ -100,6 +100,7 @@ class Edge:
             elif head:
                 await send(reply.start())
                 await send({"type": "http.response.body", "body": b""})
+                await reply.drop()
             else:
                 await _stream(reply, call, send)
         finally:
@@ -163,6 +164,16 @@ async def _stream(reply: StreamedReply, call: Call, send: Send) -> None:
     """Sends a long reply, and notices when nobody takes it any more."""
     leaving = asyncio.create_task(call.gone())
     try:
+        if reply.is_endless:
+            sending = asyncio.create_task(reply.send(send, leaving.done))
+            try:
+                await asyncio.wait((leaving, sending), return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                sending.cancel()
+                (ended,) = await asyncio.gather(sending, return_exceptions=True)
+            if isinstance(ended, Exception) and not leaving.done():
+                raise ended
+            return
         await reply.send(send, leaving.done)
     finally:
         leaving.cancel()

@@ -241,6 +241,9 @@ class StreamedReply:
 
     __slots__ = ("_chunks", "_first", "headers", "status")
 
+    is_endless = False
+    """It lasts until the client goes; then its sending is cancelled, whatever it waits for."""
+
     def __init__(
         self,
         chunks: AsyncIterator[bytes],
@@ -259,6 +262,9 @@ class StreamedReply:
         """The reply with its first piece made: an error in it can still become a problem."""
         self._first = await anext(self._chunks, b"")
         return self
+
+    async def drop(self) -> None:
+        """Lets go of the pieces, where only the headers are wanted."""
 
     def start(self) -> Message:
         """Status and headers."""

@@ -13,12 +13,13 @@ from typing import Any, cast
 
 import orjson
 
-from fluentboard.api import schemas
-from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send, json_reply
-from fluentboard.api.operations import Answer, Content, Operation
+from fluentboard.api.event_stream import EventStream
+from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send
+from fluentboard.api.live_request import LiveRequest, request_from_json
 from fluentboard.api.problems import internal_error, problem_document, problem_reply
 from fluentboard.api.security import Guard
-from fluentboard.board.subscriptions.messages import Failed, Message, Mode, Snapshot
+from fluentboard.board.subscriptions.durable import DurableSubscriptions
+from fluentboard.board.subscriptions.messages import Failed, Message, Snapshot
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.config import SubscriptionSettings
@@ -37,7 +38,10 @@ _TURN = 32
 # Replies to what the client says, waiting to be sent; then it is not listened to any more.
 _REPLIES_MAX = 64
 _ID_MAX_CHARACTERS = 200
-_SUBSCRIBE_KEYS = frozenset({"id", "query", "mode", "since"})
+_SUBSCRIBE_KEYS = frozenset(
+    {"id", "query", "mode", "at", "certainly", "since", "since_at", "replay", "durable"}
+)
+_DURABLE_KEYS = frozenset({"id", "durable", "since", "since_at"})
 
 
 class LiveRoutes:
@@ -47,15 +51,22 @@ class LiveRoutes:
         registry: evaluates the queries.
         guard: admits callers.
         settings: limits per connection.
+        durable: the subscriptions with a name.
     """
 
     def __init__(
-        self, registry: SubscriptionRegistry, guard: Guard, settings: SubscriptionSettings
+        self,
+        registry: SubscriptionRegistry,
+        guard: Guard,
+        settings: SubscriptionSettings,
+        durable: DurableSubscriptions,
     ) -> None:
         self._registry = registry
         self._guard = guard
         self._settings = settings
+        self._durable = durable
         self._connections: dict[Connection, None] = {}
+        self._streams: dict[EventStream, None] = {}
         self._is_closing = False
 
     @property
@@ -66,7 +77,34 @@ class LiveRoutes:
     @property
     def subscriptions(self) -> int:
         """Subscriptions that are open."""
-        return sum(len(connection.subscriptions) for connection in self._connections)
+        of_sockets = sum(len(connection.subscriptions) for connection in self._connections)
+        return of_sockets + len(self._streams)
+
+    @property
+    def streams(self) -> int:
+        """Event streams that are open."""
+        return len(self._streams)
+
+    def check_streams(self) -> None:
+        """Refuses one more event stream if there are too many, or the board is stopping.
+
+        Raises:
+            TooManySubscriptions: there are as many as there may be.
+        """
+        if self._is_closing or len(self._streams) >= self._settings.streams_max:
+            raise TooManySubscriptions(
+                f"{len(self._streams)} event streams are open, as many as may be; come back "
+                "later, or raise subscriptions.streams_max",
+                limit=self._settings.streams_max,
+            )
+
+    def stream_began(self, stream: EventStream) -> None:
+        """Counts an event stream, and has it end when the board stops."""
+        self._streams[stream] = None
+
+    def stream_ended(self, stream: EventStream) -> None:
+        """Counts it no more."""
+        self._streams.pop(stream, None)
 
     async def serve(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
         """Serves one WebSocket until either side closes it."""
@@ -77,9 +115,11 @@ class LiveRoutes:
         except FluentboardError as problem:
             await refuse(scope, send, problem_reply(problem))
             return
-        await self.hold(
-            Connection(self._registry, self._settings, receive, send, client_of(scope)), send
+        client = client_of(scope)
+        connection = Connection(
+            self._registry, self._settings, receive, send, client, self._durable
         )
+        await self.hold(connection, send)
 
     async def hold(self, connection: Connection, send: Send) -> None:
         """Accepts the WebSocket of a connection, and runs it until either side closes it."""
@@ -98,46 +138,23 @@ class LiveRoutes:
         self._is_closing = True
         for connection in list(self._connections):
             connection.close(_GOING_AWAY)
-        while self._connections:
+        for stream in list(self._streams):
+            stream.close()
+        while self._connections or self._streams:
             await asyncio.sleep(0.01)
 
-    async def list_subscriptions(self, call: Call) -> Reply:
-        """`GET /subscriptions`."""
+    def listed(self) -> list[dict[str, Any]]:
+        """What is being sent to clients at present, as JSON."""
         found = [
-            {
-                "id": name,
-                "client": connection.client,
-                "query": subscription.request.query,
-                "mode": subscription.request.mode,
-                "waiting": subscription.waiting,
-                "evaluation": subscription.explanation,
-            }
+            _listed(name, connection.client, "websocket", subscription)
             for connection in self._connections
             for name, subscription in connection.subscriptions.items()
         ]
-        return json_reply({"subscriptions": found})
-
-    def operations(self) -> list[Operation]:
-        """The routes, documented."""
-        return [
-            Operation(
-                "GET",
-                "/subscriptions",
-                self.list_subscriptions,
-                "listSubscriptions",
-                "List live queries",
-                "With `Upgrade: websocket` the same address opens a WebSocket, on which a client "
-                "subscribes to queries; the messages are described in the documentation of live "
-                "queries.",
-                tag="live",
-                answers={
-                    200: Answer(
-                        "What is subscribed to.",
-                        {"application/json": Content(schemas.Subscriptions)},
-                    )
-                },
-            )
+        found += [
+            _listed(stream.name, "", "event-stream", stream.subscription)
+            for stream in self._streams
         ]
+        return found
 
 
 class Connection:
@@ -149,6 +166,7 @@ class Connection:
         receive: gives what the client sends.
         send: takes what it is sent; waits while the client does not read.
         client: its address.
+        durable: the subscriptions with a name; None if it has no words for them.
     """
 
     def __init__(
@@ -158,9 +176,11 @@ class Connection:
         receive: Receive,
         send: Send,
         client: str,
+        durable: DurableSubscriptions | None = None,
     ) -> None:
         self._registry = registry
         self._settings = settings
+        self._durable = durable or DurableSubscriptions(None)
         self._receive = receive
         self._send = send
         self._loop = asyncio.get_running_loop()
@@ -227,6 +247,8 @@ class Connection:
             self._ready.pop(name, None)
             subscription.close()
             return {"type": "unsubscribed", "id": name}
+        if kind == "acknowledge":
+            return await self._acknowledge(name, body)
         await self._subscribe(name, body)
         return None
 
@@ -242,15 +264,9 @@ class Connection:
                 f"there is a subscription {name!r} on this connection already; unsubscribe it, or "
                 "choose another id"
             )
-        query, since = body.get("query"), body.get("since")
-        if not isinstance(query, str):
-            raise InvalidInput(f"the query is {query!r}; give SPARQL text")
-        if since is not None and (isinstance(since, bool) or not isinstance(since, int)):
-            raise InvalidInput(f"since is {since!r}; give a commit number")
-        mode = cast("Mode", body.get("mode", "bindings"))
-        await self._open(name, query, mode, since)
+        await self._open(name, await self._asked(body))
 
-    async def _open(self, name: str, query: str, mode: Mode, since: int | None) -> None:
+    async def _open(self, name: str, asked: LiveRequest) -> None:
         """Opens a subscription under a name that is not in use.
 
         Raises:
@@ -264,9 +280,7 @@ class Connection:
                 limit=self._settings.per_client_max,
             )
         # Parsing a query takes milliseconds; other clients need not wait for that.
-        opening = self._loop.run_in_executor(
-            None, self._registry.open, query, mode, since, self._marker(name)
-        )
+        opening = self._loop.run_in_executor(None, asked.open, self._registry, self._marker(name))
         try:
             self.subscriptions[name] = await asyncio.shield(opening)
         except asyncio.CancelledError:
@@ -274,6 +288,32 @@ class Connection:
             opening.add_done_callback(_close_opened)
             raise
         self._mark(name)
+
+    async def _asked(self, body: dict[str, Any]) -> LiveRequest:
+        if body.get("durable") is None:
+            return request_from_json(body)
+        unknown = body.keys() - _DURABLE_KEYS
+        if unknown:
+            raise InvalidInput(
+                f"a durable subscription has a {min(unknown)!r} already; give only "
+                f"{', '.join(sorted(_DURABLE_KEYS))}"
+            )
+        one = await asyncio.to_thread(self._durable.get, str(body["durable"]))
+        since = request_from_json({**body, "query": one.query}).since
+        return LiveRequest(one.query, one.mode, one.at, since or one.seen)
+
+    async def _acknowledge(self, name: str, body: dict[str, Any]) -> dict[str, Any]:
+        """Notes how far the subscriber of a durable subscription has come."""
+        seen = request_from_json({"query": "", **body, "id": name}).since
+        durable = body.get("durable")
+        if not isinstance(durable, str) or seen is None:
+            raise InvalidInput(
+                "acknowledge names the durable subscription and says since (the commit of the "
+                "last message handled), and since_at for one at now"
+            )
+        await asyncio.to_thread(self._durable.get, durable)
+        await asyncio.to_thread(self._durable.advance, durable, seen)
+        return {"type": "acknowledged", "id": name, "commit": seen.commit}
 
     def _marker(self, name: str) -> Callable[[], None]:
         def mark() -> None:
@@ -351,12 +391,25 @@ def _request(text: str | bytes) -> tuple[str, dict[str, Any]]:
         raise InvalidInput(f"the message is not JSON: {problem}") from None
     if isinstance(message, dict) and len(cast("dict[Any, Any]", message)) == 1:
         (kind, body) = next(iter(cast("dict[str, Any]", message).items()))
-        if kind in ("subscribe", "unsubscribe") and isinstance(body, dict):
+        if kind in ("subscribe", "unsubscribe", "acknowledge") and isinstance(body, dict):
             return kind, cast("dict[str, Any]", body)
     raise InvalidInput(
         'the message is neither {"subscribe": {"id": ..., "query": ...}} nor '
         '{"unsubscribe": {"id": ...}}'
     )
+
+
+def _listed(name: str, client: str, transport: str, one: Subscription) -> dict[str, Any]:
+    return {
+        "id": name,
+        "client": client,
+        "transport": transport,
+        "query": one.request.query,
+        "mode": one.request.mode,
+        "at": None if one.request.at is None else "now",
+        "waiting": one.waiting,
+        "evaluation": one.explanation,
+    }
 
 
 def _error(name: Any, problem: FluentboardError) -> dict[str, Any]:

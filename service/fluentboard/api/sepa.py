@@ -15,6 +15,7 @@ import orjson
 
 from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send, json_reply
 from fluentboard.api.live import LONG_SNAPSHOT, Connection, LiveRoutes, client_of, refuse
+from fluentboard.api.live_request import LiveRequest
 from fluentboard.api.operations import Answer, Content, Operation
 from fluentboard.api.problems import problem_reply
 from fluentboard.api.security import Guard
@@ -192,7 +193,7 @@ class SepaConnection(Connection):
         # The first message may be sent as soon as the subscription is open.
         self._told_so_far[spuid] = _Told(alias)
         try:
-            await self._open(spuid, query, "bindings", None)
+            await self._open(spuid, LiveRequest(query))
         except BaseException:
             del self._told_so_far[spuid]
             raise

@@ -38,7 +38,7 @@ from fluentboard.board.remote_store import RemoteStore
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
-from fluentboard.board.time_view import Perspective
+from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.board.time_views import TimedResults, TimeViews
 from fluentboard.board.trajectory import Trajectory, pose_names, trajectory_of
 from fluentboard.board.triples import ENDPOINTS
@@ -55,6 +55,7 @@ from fluentboard.errors import (
     InvalidInput,
     InvalidName,
     StorageFailed,
+    TooLarge,
     UnknownFluent,
 )
 from fluentboard.model.fluent import Fluent, Property
@@ -369,6 +370,31 @@ class Blackboard:
             functions_at=functions_for(sparql, self._projections.index, self.clock),
         )
 
+    def past_query(
+        self, sparql: str, commit: int, at_s: float | None, certainty: Certainty | None
+    ) -> QueryResults:
+        """The results of a query as they were after a commit and, for one at now, at a time.
+
+        Raises:
+            TooLarge: the board has too many fluents to look back in between.
+        """
+        if len(self) > _LOOK_BACK_MAX:
+            raise TooLarge(
+                f"a board of {len(self)} fluents is too large to look back", limit=_LOOK_BACK_MAX
+            )
+        certainty = certainty or Certainty.POSSIBLE
+        return self.query(sparql, at=at_s, as_of=commit, certainty=certainty)
+
+    def own_view(self, perspective: Perspective) -> TimeView:
+        """A view that nobody else uses; whoever asked for it brings it up and closes it."""
+        return self._views.own_view(perspective)
+
+    def bring_up(self, view: TimeView, commit: int, now_s: float) -> None:
+        """Makes such a view exact at a commit and, if it follows a clock, at a time."""
+        self._projector.wait_for(commit)
+        with view.lock:
+            view.bring_up(commit, now_s)
+
     def next_change_s(self, certainty: Certainty = Certainty.POSSIBLE) -> float:
         """When the clock alone changes next what holds now, in seconds; infinite if it does not.
 
@@ -500,6 +526,9 @@ class Blackboard:
             normal.append(statement)
         return tuple(normal) if changed else properties
 
+
+_LOOK_BACK_MAX = 200_000
+"""Fluents; to build a view of the past takes about a second per 100,000."""
 
 _RESERVED = frozenset(
     {

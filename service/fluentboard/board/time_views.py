@@ -113,6 +113,10 @@ class TimeViews:
         finally:
             view.lock.release()
 
+    def own_view(self, perspective: Perspective) -> TimeView:
+        """A view that nobody else uses; whoever asked for it brings it up and closes it."""
+        return TimeView(self._projections, self._believed, perspective)
+
     def close(self) -> None:
         """Lets go of all views."""
         with self._guard:

@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterable
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
 from fluentboard.board.subscriptions.held import HeldCommit, TimePassed, time_passed
-from fluentboard.board.subscriptions.messages import Change, Failed, Gap, Resumed
+from fluentboard.board.subscriptions.messages import Answer, Change, Failed, Gap, Live, Resumed
 from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.reevaluate import Board, Reevaluation, evaluate
-from fluentboard.board.subscriptions.replay import replayed
-from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag
+from fluentboard.board.subscriptions.replay import bridged, replayed, span
+from fluentboard.board.subscriptions.results import NO_DIFFERENCE, Bag, difference
 from fluentboard.board.subscriptions.router import Concerned, Router
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.semi_naive import SemiNaive, moves_of
@@ -166,22 +166,13 @@ class Evaluator:
         """Serves a new subscriber: the snapshot, or what it missed since it left."""
         request = subscription.request
         since = request.since
-        if request.at is not None:
-            self._time.follow(request.at, self.routed)
-        standing = self._find(request)
+        standing = self._standing(subscription, query)
         if standing is None:
-            chosen = self._plan(query, request.at)
-            standing = StandingQuery(query, chosen, self._schema, self._settings, request.at)
-            if not self._start(standing, subscription):
-                return
+            return
         if since is not None and since > standing.exact_at(self.routed):
             self._arrive(min(since, self._board.commit))
             while standing in self._stale and standing.exact_at(self.routed) < since:
                 self._reevaluate(standing)
-        if request.mode != "bindings" and not standing.tells_events:
-            names = standing.tell_events(standing.exact_at(self.routed))
-            self._routers[standing.at].update_names(standing, Names(names, set()))
-        self._idle.pop(standing, None)
         standing.subscribers[subscription] = None
         if since is None:
             self._snapshot(standing, subscription)
@@ -192,6 +183,46 @@ class Evaluator:
             self._snapshot(standing, subscription)
             return
         subscription.put(Resumed(since, request.since_s))
+        for change in missed:
+            subscription.put_change(change)
+
+    def told(self, subscription: Subscription) -> tuple[int, float | None, Answer] | None:
+        """The commit, time and result that a subscriber has been told; None if it is not here."""
+        standing = self._find(subscription.request)
+        if standing is None or subscription not in standing.subscribers:
+            return None
+        at_s = standing.exact_at_s(self._time.at_s)
+        return standing.exact_at(self.routed), at_s, standing.answer()
+
+    def adopt(
+        self, subscription: Subscription, query: ParsedQuery, commit: int, answer: Answer
+    ) -> None:
+        """Goes on live with a subscriber that has been told a result elsewhere.
+
+        Args:
+            subscription: the subscriber.
+            query: its query.
+            commit: the commit at which it was told the result.
+            answer: the result.
+        """
+        standing = self._standing(subscription, query)
+        if standing is None:
+            return
+        standing.subscribers[subscription] = None
+        events = subscription.request.mode != "bindings"
+        missed = None
+        if standing.at is None:
+            self._arrive(min(commit, self._board.commit))
+            missed = self._missed(standing, commit, None, events=events)
+        if missed is None:
+            at_s = standing.exact_at_s(self._time.at_s)
+            now = standing.answer()
+            by = difference(answer.bag, now.bag)
+            exact_at = max(commit, standing.exact_at(self.routed))
+            boolean = bool(now.bag) if query.form == "ask" else None
+            form, variables = query.form, query.variables
+            missed = [Change(form, variables, commit, exact_at, by, (), boolean, at_s, at_s)]
+        subscription.put(Live(commit))
         for change in missed:
             subscription.put_change(change)
 
@@ -225,6 +256,23 @@ class Evaluator:
     def _find(self, request: SubscriptionRequest) -> StandingQuery | None:
         router = self._routers.get(request.at)
         return None if router is None else router.find(request.query)
+
+    def _standing(self, subscription: Subscription, query: ParsedQuery) -> StandingQuery | None:
+        """The standing query of a subscriber, started if need be; None if it cannot be."""
+        request = subscription.request
+        if request.at is not None:
+            self._time.follow(request.at, self.routed)
+        standing = self._find(request)
+        if standing is None:
+            chosen = self._plan(query, request.at)
+            standing = StandingQuery(query, chosen, self._schema, self._settings, request.at)
+            if not self._start(standing, subscription):
+                return None
+        if request.mode != "bindings" and not standing.tells_events:
+            names = standing.tell_events(standing.exact_at(self.routed))
+            self._routers[standing.at].update_names(standing, Names(names, set()))
+        self._idle.pop(standing, None)
+        return standing
 
     def _start(self, standing: StandingQuery, subscription: Subscription) -> bool:
         # Routed to from now on, and stale: no commit after the evaluation can be overlooked.
@@ -388,16 +436,27 @@ class Evaluator:
             # The clock may have been set back since.
             return None
         missed = standing.missed_after(since, since_s, events=events)
-        if missed is None and standing.at is None and now - since <= self._settings.replay_commits:
-            return replayed(
+        if missed is not None:
+            return missed
+        is_near = now - since <= self._settings.replay_commits
+        commits = list(self._board.commits(since, now)) if is_near else None
+        if standing.at is None and commits is not None:
+            missed = replayed(
                 standing,
-                list(self._board.commits(since, now)),
+                commits,
                 self._schema.vocabulary,
                 self._settings,
                 spoken_of=self._spoken_of,
                 tells_events=events,
             )
-        return missed
+        if missed is not None:
+            return missed
+        at_s = standing.exact_at_s(self._time.at_s)
+        if (events and commits is None) or (standing.at is not None and since_s is None):
+            return None
+        told = commits if events and commits is not None else ()
+        covered = span((since, since_s), (now, at_s), told, self._schema.vocabulary)
+        return bridged(self._board, standing, covered, self._settings, tells_events=events)
 
     def _fail(self, standing: StandingQuery, problem: FluentboardError) -> None:
         self._forget(standing)

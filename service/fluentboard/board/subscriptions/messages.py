@@ -213,6 +213,17 @@ class Lagged:
 
 
 @dataclass(frozen=True, slots=True)
+class Live:
+    """A replay has come to the present; from here on it goes on live."""
+
+    commit: int
+
+    def to_json(self, subscription: str) -> dict[str, Any]:
+        """The message as JSON; `subscription` is the name the client gave."""
+        return {"type": "live", "id": subscription, "commit": self.commit}
+
+
+@dataclass(frozen=True, slots=True)
 class Failed:
     """The query can no longer be evaluated; nothing follows."""
 
@@ -227,4 +238,4 @@ class Failed:
         }
 
 
-Message = Snapshot | Delta | Resumed | Gap | Lagged | Failed
+Message = Snapshot | Delta | Resumed | Gap | Lagged | Live | Failed

@@ -15,6 +15,7 @@ from fluentboard.board.store import QueryResults
 from fluentboard.board.subscriptions.query import ParsedQuery
 from fluentboard.board.subscriptions.results import Bag, bag_of
 from fluentboard.board.subscriptions.view import View
+from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.board.time_views import TimedResults
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.clock import Clock
@@ -51,6 +52,24 @@ class Board(Protocol):
 
     def timed_query(self, sparql: str, *, at: Literal["now"], certainty: Certainty) -> TimedResults:
         """The results of a query on what holds now, with the commit and the time they show."""
+        ...
+
+    def past_query(
+        self, sparql: str, commit: int, at_s: float | None, certainty: Certainty | None
+    ) -> QueryResults:
+        """The results of a query as they were after a commit and, for one at now, at a time."""
+        ...
+
+    def commit_at(self, wall_s: float) -> int:
+        """Number of the last commit made at or before a wall-clock time."""
+        ...
+
+    def own_view(self, perspective: Perspective) -> TimeView:
+        """A view of the past that nobody else uses."""
+        ...
+
+    def bring_up(self, view: TimeView, commit: int, now_s: float) -> None:
+        """Makes such a view exact at a commit and a time."""
         ...
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:

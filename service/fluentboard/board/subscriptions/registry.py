@@ -13,13 +13,14 @@ from typing import Literal
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.evaluator import Evaluator
 from fluentboard.board.subscriptions.messages import Mode
+from fluentboard.board.subscriptions.past import Replay, ReplayRequest
 from fluentboard.board.subscriptions.planner import Choice, choose, explanation
 from fluentboard.board.subscriptions.query import ParsedQuery, parse
 from fluentboard.board.subscriptions.reevaluate import Board
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
-from fluentboard.errors import InvalidInput
+from fluentboard.errors import InvalidInput, TooManySubscriptions
 from fluentboard.model.interval import Certainty
 
 logger = logging.getLogger(__name__)
@@ -62,6 +63,7 @@ class SubscriptionRegistry:
         self._evaluator = Evaluator(board, self._settings, self._arrive, outside)
         self._schema = Schema(board.vocabulary)
         self._subscriptions: dict[Subscription, None] = {}
+        self._replays: dict[Subscription, Replay] = {}
         self._state = threading.Condition()
         self._groups: deque[Sequence[Commit]] = deque()
         self._tasks: deque[Callable[[], None]] = deque()
@@ -109,10 +111,30 @@ class SubscriptionRegistry:
             InvalidQuery: the query does not parse, or cannot be subscribed to.
             InvalidInput: the mode is unknown or `since` is negative.
         """
-        if mode not in ("bindings", "fluents", "both"):
-            raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
         if since is not None and since < 0:
             raise InvalidInput(f"since is {since}; give a commit number", since=since)
+        subscription, parsed = self._made(
+            query, mode, on_ready, at, certainty, since, since_s, sequence
+        )
+        with self._state:
+            self._admit(subscription)
+            self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
+            self._state.notify_all()
+        return subscription
+
+    def _made(
+        self,
+        query: str,
+        mode: Mode,
+        on_ready: Callable[[], None] | None,
+        at: Literal["now"] | None,
+        certainty: Certainty,
+        since: int | None = None,
+        since_s: float | None = None,
+        sequence: int = 0,
+    ) -> tuple[Subscription, ParsedQuery]:
+        if mode not in ("bindings", "fluents", "both"):
+            raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
         if at not in (None, "now"):
             raise InvalidInput(f"at is {at!r}; a subscription sees `now`, or all times", at=at)
         parsed = parse(query)
@@ -125,17 +147,62 @@ class SubscriptionRegistry:
             on_drained=self._on_drained,
             on_close=self._on_close,
         )
+        return subscription, parsed
+
+    def _admit(self, subscription: Subscription) -> None:
+        """Has commits kept, from here on, for a subscriber that is to be live; under `_state`."""
+        if self._closed:
+            raise InvalidInput("the board is closing; it takes no more subscriptions")
+        self._subscriptions[subscription] = None
+        if not self._is_listening:
+            # None after the first evaluation is missed.
+            self._is_listening = True
+            floor = self._delivered
+            self._tasks.append(lambda: self._evaluator.begin_after(floor))
+
+    def replay(
+        self,
+        query: str,
+        request: ReplayRequest,
+        mode: Mode = "bindings",
+        on_ready: Callable[[], None] | None = None,
+        *,
+        at: Literal["now"] | None = None,
+        certainty: Certainty = Certainty.POSSIBLE,
+    ) -> Subscription:
+        """Registers a query as of the past; its subscriber is told what it would have been told.
+
+        When the replay has come to the present, it goes on live. The subscriber of a replay sets
+        its pace: one that is slow is waited for.
+
+        Args:
+            query: SPARQL SELECT, ASK or CONSTRUCT.
+            request: where to begin, and how fast to go.
+            mode: whether deltas carry the changed solutions, the fluents, or both.
+            on_ready: called (from another thread) when messages wait that did not before.
+            at: "now" sees only the fluents that hold at the time of the replay.
+            certainty: with `at`: what may hold, or only what surely does.
+
+        Raises:
+            InvalidQuery, InvalidInput: as for `open`.
+            TooManySubscriptions: as many replays are under way as may be.
+        """
+        subscription, parsed = self._made(query, mode, on_ready, at, certainty)
+        replay = Replay(
+            self._board, self._settings, subscription, parsed, request, self._on_replayed
+        )
         with self._state:
             if self._closed:
                 raise InvalidInput("the board is closing; it takes no more subscriptions")
+            if len(self._replays) >= self._settings.replays_max:
+                raise TooManySubscriptions(
+                    f"{len(self._replays)} replays are under way, as many as may be; wait for one "
+                    "to end, or raise subscriptions.replays_max",
+                    limit=self._settings.replays_max,
+                )
             self._subscriptions[subscription] = None
-            if not self._is_listening:
-                # From here on commits are kept, so none after the first evaluation is missed.
-                self._is_listening = True
-                floor = self._delivered
-                self._tasks.append(lambda: self._evaluator.begin_after(floor))
-            self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
-            self._state.notify_all()
+            self._replays[subscription] = replay
+        replay.start()
         return subscription
 
     def explain(self, query: str) -> str:
@@ -179,7 +246,12 @@ class SubscriptionRegistry:
                 return
             self._closed = True
             open_ones = list(self._subscriptions)
+            replays = list(self._replays.values())
             self._state.notify_all()
+        for replay in replays:
+            replay.stop()
+        for replay in replays:
+            replay.join()
         self._stop_listening()
         self._stop_watching()
         self._thread.join()
@@ -202,14 +274,37 @@ class SubscriptionRegistry:
             self._clock_moved = True
             self._state.notify_all()
 
+    def _on_replayed(self, replay: Replay, evaluator: Evaluator | None) -> None:
+        """Called by a replay's thread when it has ended: its subscriber goes on live."""
+        subscription = replay.subscription
+        told = None if evaluator is None else evaluator.told(subscription)
+        with self._state:
+            self._replays.pop(subscription, None)
+            if told is None or self._closed or subscription.is_closed:
+                return
+            commit, _, answer = told
+            self._admit(subscription)
+            self._tasks.append(
+                lambda: self._evaluator.adopt(subscription, replay.query, commit, answer)
+            )
+            self._state.notify_all()
+
     def _on_drained(self, subscription: Subscription) -> None:
         with self._state:
+            replay = self._replays.get(subscription)
+            if replay is not None:
+                replay.lags = True
+                return
             self._tasks.append(lambda: self._evaluator.refresh(subscription))
             self._state.notify_all()
 
     def _on_close(self, subscription: Subscription) -> None:
         with self._state:
             self._subscriptions.pop(subscription, None)
+            replay = self._replays.get(subscription)
+            if replay is not None:
+                replay.stop()
+                return
             self._tasks.append(lambda: self._evaluator.close(subscription, time.monotonic()))
             self._state.notify_all()
 

@@ -41,6 +41,9 @@ class SubscriptionSettings(BaseModel):
         ge=0,
         description="journal commits read at most to resume a query that does not live any more",
     )
+    replays_max: int = Field(
+        default=4, ge=0, description="most replays of the past at once; each has a view of its own"
+    )
     first_tier: int = Field(
         default=1,
         ge=1,

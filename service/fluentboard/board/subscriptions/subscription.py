@@ -14,6 +14,7 @@ from fluentboard.board.subscriptions.messages import (
     Failed,
     Gap,
     Lagged,
+    Live,
     Message,
     Mode,
     Resumed,
@@ -151,7 +152,7 @@ class Subscription:
         self._put(Delta(self._sequence, change, mode), len(change))
         self._sequence += 1
 
-    def put(self, message: Resumed | Gap | Failed) -> None:
+    def put(self, message: Resumed | Gap | Live | Failed) -> None:
         """Queues a message without a sequence number."""
         if isinstance(message, Resumed):
             # The snapshot that the client has already is number 0.

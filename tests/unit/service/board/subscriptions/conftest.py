@@ -17,10 +17,12 @@ from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import parse
 from fluentboard.board.subscriptions.schema import Schema
 from fluentboard.board.subscriptions.standing import Plan
+from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.board.time_views import TimedResults
 from fluentboard.board.triples import event_lines
 from fluentboard.board.vocabulary import Vocabulary, parse_statements
 from fluentboard.clock import ReplayClock
+from fluentboard.errors import InvalidInput
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty
 from fluentboard_ontology import PREFIXES
@@ -108,6 +110,20 @@ class FakeBoard:
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
         return self._fluents[name]
+
+    def past_query(
+        self, sparql: str, commit: int, at_s: float | None, certainty: Certainty | None
+    ) -> QueryResults:
+        raise InvalidInput("this board has no past")
+
+    def commit_at(self, wall_s: float) -> int:
+        return self.commit
+
+    def own_view(self, perspective: Perspective) -> TimeView:
+        raise NotImplementedError("replays are tested on the real board")
+
+    def bring_up(self, view: TimeView, commit: int, now_s: float) -> None:
+        raise NotImplementedError("replays are tested on the real board")
 
     def coming(self, certainty: Certainty, at_s: float, as_of: int) -> list[tuple[float, str]]:
         return []
