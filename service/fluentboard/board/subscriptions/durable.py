@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
 import threading
 from collections.abc import Generator
@@ -103,36 +102,19 @@ class DeadLetter:
 class DurableSubscriptions:
     """The durable subscriptions of a board, in a SQLite file. Safe to use from any thread.
 
-    Args:
-        path: the file, created if missing; None keeps them in memory.
-        dead_letters_max: how many dead letters are kept per subscription; the oldest go first.
+    The file is opened when it is needed; every method raises StorageFailed if it cannot be opened,
+    or another version wrote it.
 
-    Raises:
-        StorageFailed: the file cannot be opened, or another version wrote it.
+    Args:
+        path: the file, created with the first subscription; None keeps them in memory.
+        dead_letters_max: how many dead letters are kept per subscription; the oldest go first.
     """
 
     def __init__(self, path: Path | None, dead_letters_max: int = 1_000) -> None:
         self._dead_letters_max = dead_letters_max
         self._lock = threading.Lock()
-        try:
-            self._database = sqlite3.connect(
-                path or ":memory:", isolation_level=None, check_same_thread=False
-            )
-            if path is not None:
-                # It holds the keys that posts are signed with.
-                os.chmod(path, 0o600)
-            self._database.execute("PRAGMA journal_mode = WAL")
-            self._database.execute("PRAGMA synchronous = NORMAL")
-            (version,) = self._database.execute("PRAGMA user_version").fetchone()
-            if version not in (0, _VERSION):
-                raise StorageFailed(
-                    f"{path} has format {version}, this fluentboard reads {_VERSION}; use the "
-                    "version that wrote it"
-                )
-            self._database.executescript(_SCHEMA)
-            self._database.execute(f"PRAGMA user_version = {_VERSION}")
-        except (sqlite3.Error, OSError) as problem:
-            raise StorageFailed(f"cannot open the subscriptions in {path}: {problem}") from None
+        self._path = path
+        self._connection: sqlite3.Connection | None = None
 
     def add(self, subscription: DurableSubscription) -> None:
         """Keeps a new subscription.
@@ -256,22 +238,55 @@ class DurableSubscriptions:
     def close(self) -> None:
         """Lets go of the file."""
         with self._lock:
-            self._database.close()
+            if self._connection is not None:
+                self._connection.close()
+                self._connection = None
 
     def _read(self, sql: str, *parameters: Any) -> list[Any]:
         with self._lock:
-            return self._database.execute(sql, parameters).fetchall()
+            if self._connection is None and (self._path is None or not self._path.exists()):
+                return []
+            return self._opened().execute(sql, parameters).fetchall()
+
+    def _opened(self) -> sqlite3.Connection:
+        if self._connection is not None:
+            return self._connection
+        path = self._path
+        try:
+            if path is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                # It holds the keys that posts are signed with.
+                path.touch(0o600)
+            database = sqlite3.connect(
+                path or ":memory:", isolation_level=None, check_same_thread=False
+            )
+            database.execute("PRAGMA journal_mode = WAL")
+            database.execute("PRAGMA synchronous = NORMAL")
+            (version,) = database.execute("PRAGMA user_version").fetchone()
+            if version not in (0, _VERSION):
+                database.close()
+                raise StorageFailed(
+                    f"{path} has format {version}, this fluentboard reads {_VERSION}; use the "
+                    "version that wrote it"
+                )
+            database.executescript(_SCHEMA)
+            database.execute(f"PRAGMA user_version = {_VERSION}")
+        except (sqlite3.Error, OSError) as problem:
+            raise StorageFailed(f"cannot open the subscriptions in {path}: {problem}") from None
+        self._connection = database
+        return database
 
     @contextmanager
     def _changing(self) -> Generator[sqlite3.Connection]:
         with self._lock:
-            self._database.execute("BEGIN IMMEDIATE")
+            database = self._opened()
+            database.execute("BEGIN IMMEDIATE")
             try:
-                yield self._database
+                yield database
             except BaseException:
-                self._database.execute("ROLLBACK")
+                database.execute("ROLLBACK")
                 raise
-            self._database.execute("COMMIT")
+            database.execute("COMMIT")
 
 
 def _subscription(row: tuple[Any, ...]) -> DurableSubscription:
