@@ -93,6 +93,7 @@ def test_every_message_of_a_live_query_has_a_section() -> None:
             messages.Resumed,
             messages.Gap,
             messages.Lagged,
+            messages.Live,
         )
     }
-    assert told == {*kinds, "unsubscribed", "error"}
+    assert told == {*kinds, "acknowledged", "unsubscribed", "error"}

@@ -46,9 +46,7 @@ def board() -> Iterator[Blackboard]:
 
 
 @pytest.fixture
-def api(
-    board: Blackboard, client_of: Callable[..., httpx.Client], tmp_path: Path
-) -> httpx.Client:
+def api(board: Blackboard, client_of: Callable[..., httpx.Client], tmp_path: Path) -> httpx.Client:
     return client_of(create_app(board, load_settings(flags={"storage.data": tmp_path})))
 
 

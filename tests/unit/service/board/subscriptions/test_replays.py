@@ -110,18 +110,14 @@ def test_episode_is_replayed_in_its_own_time(
         Fluent("c", "Mug", Interval.at(40.0)),
     ]
     board.execute([AssertFluent(fluent) for fluent in fluents], "tests")
-    subscription = registry.replay(
-        QUERIES[1], ReplayRequest(time_s=15.0, speed=1_000.0), at="now"
-    )
+    subscription = registry.replay(QUERIES[1], ReplayRequest(time_s=15.0, speed=1_000.0), at="now")
     told = until_live(subscription)
     times = [message.at_s for message in told if isinstance(message, Snapshot | Delta)]
     # At 30 s a goes and at 40 s c comes.
     assert times == [15.0, 20.0, 30.0, 40.0, 50.0]
 
 
-def test_replay_goes_at_the_pace_of_its_subscriber(
-    board: Blackboard, clock: ReplayClock
-) -> None:
+def test_replay_goes_at_the_pace_of_its_subscriber(board: Blackboard, clock: ReplayClock) -> None:
     registry = SubscriptionRegistry(
         board, SubscriptionSettings(queue_messages=4), board.statements()
     )
