@@ -6,7 +6,7 @@ import asyncio
 import base64
 import hashlib
 import hmac
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -186,7 +186,7 @@ Talk = Callable[[Receiver, DurableSubscriptions, Webhooks], Awaitable[None]]
 @asynccontextmanager
 async def posting(
     board: Blackboard, receiver: Receiver, durable: DurableSubscriptions, **settings: Any
-) -> AsyncIterator[Webhooks]:
+) -> AsyncGenerator[Webhooks]:
     flags = {f"subscriptions.{key}": value for key, value in settings.items()}
     flags["subscriptions.webhook_backoff_s"] = 0.001
     registry = SubscriptionRegistry(board, outside=board.statements())
