@@ -1,4 +1,4 @@
-"""Every format can be the `--frames` of a worker: mapping runs on each against a board."""
+"""Every format can be the `--frames` of a worker: mapping and anchoring run on each."""
 
 from __future__ import annotations
 
@@ -10,18 +10,28 @@ import numpy as np
 import pytest
 
 from fluentboard_client import Client, Command, Event
+from fluentboard_modules.anchoring.worker import run_anchoring
 from fluentboard_modules.demo.service_process import ServiceProcess
 from fluentboard_modules.frames.live import FramePublisher
 from fluentboard_modules.frames.recorder import Layout, record_source
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
 from fluentboard_modules.frames.sources import open_source
+from fluentboard_modules.map_placing import open_placed
 from fluentboard_modules.mapping.worker import run_mapping
 from fluentboard_modules.progress import FrameProgress
 from fluentboard_modules.worker import StopRequest, run
 
 DRIVE = "sim:table?frames=2&width=160&noise=0"
+
+
+def _anchoring(frames: str, board: str) -> int:
+    placed = open_placed(frames, board)
+    return run_anchoring(placed.source, board).frames
+
+
 WORKERS: dict[str, Callable[[str, str], int]] = {
     "mapping": lambda frames, board: run_mapping(frames, board).frames,
+    "anchoring": _anchoring,
 }
 """What a worker does with a source and a board: it returns how many frames it processed."""
 
