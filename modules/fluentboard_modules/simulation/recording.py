@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import json
 import logging
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,6 +30,7 @@ logger = logging.getLogger(__name__)
 
 TRUTH_FILE = "truth.json"
 DEPTH_UNITS_PER_M = 1000.0
+_FRAMES_WAITING = 3
 _MOST = 65534  # 65535 means "no measurement", as 0 does
 
 Progress = Callable[[int, int], None]
@@ -59,19 +62,31 @@ def record(
         raise InvalidInput(f"{folder} holds a recording already; choose an empty folder")
     stamps: list[str] = []
     camera = None
-    for number, frame in enumerate(source):
-        if camera is None:
-            camera = frame.camera
-            _write_calibration(folder, frame)
-        elif frame.camera != camera:
-            raise InvalidInput(
-                f"frame {frame.index} of {source.name} has another camera than the first; "
-                "the layout has one camera per recording"
-            )
-        _write_frame(folder / f"frame-{number:06d}", frame, colour)
-        stamps.append(f"{frame.stamp_s:.6f}")
-        if progress is not None:
-            progress(number + 1, len(source))
+    # The next frame is rendered while the last ones are compressed; both leave the interpreter.
+    with ThreadPoolExecutor(max_workers=1) as writer:
+        waiting: deque[Future[None]] = deque()
+
+        def finish_one() -> None:
+            waiting.popleft().result()
+            if progress is not None:
+                progress(len(stamps) - len(waiting), len(source))
+
+        for number, frame in enumerate(source):
+            if camera is None:
+                camera = frame.camera
+                _write_calibration(folder, frame)
+            elif frame.camera != camera:
+                raise InvalidInput(
+                    f"frame {frame.index} of {source.name} has another camera than the first; "
+                    "the layout has one camera per recording"
+                )
+            stem = folder / f"frame-{number:06d}"
+            waiting.append(writer.submit(_write_frame, stem, frame, colour))
+            stamps.append(f"{frame.stamp_s:.6f}")
+            if len(waiting) > _FRAMES_WAITING:
+                finish_one()
+        while waiting:
+            finish_one()
     (folder / "stamps.txt").write_text("\n".join([*stamps, ""]), encoding="utf-8")
     about = {
         "name": source.name,
