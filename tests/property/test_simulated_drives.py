@@ -10,6 +10,7 @@ import pytest
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.frames.folders import open_folder
+from fluentboard_modules.frames.simulated_sources import drive_of
 from fluentboard_modules.simulation.drive import (
     SimulatedDrive,
     restaurant_demo_drive,
@@ -164,3 +165,15 @@ def test_pictures_have_the_size_asked_for_and_show_something():
     above = birds_eye(SCENE, width=60)
     assert above.shape[1] == 60
     assert len(np.unique(above.reshape(-1, 3), axis=0)) > 20
+
+
+def test_the_race_world_is_driven_through_from_its_file(shared_data: Path):
+    file = shared_data / "race_world" / "scene.json"
+    drive = drive_of(f"sim:{file}", {"frames": "20", "width": "48"})
+    seen: set[int] = set()
+    for frame in drive:
+        seen |= {int(label) for label in np.unique(np.asarray(frame.labels))}
+    furniture = drive.scene.of_class("Table", "Counter", "Shelf", "Chair")
+    assert len(furniture) >= 14
+    assert {thing.label for thing in furniture} <= seen
+    assert len(drive.scene.search_volumes) == 6
