@@ -7,7 +7,7 @@ from collections.abc import AsyncGenerator, AsyncIterator, Callable, Iterable, S
 from contextlib import asynccontextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
 import httpx
 
@@ -19,6 +19,8 @@ from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted_async, file_pieces
+from fluentboard_client.subscriptions import AsyncDurableSubscriptions
+from fluentboard_client.subscriptions import options as live_options
 from fluentboard_client.trajectories import Trajectory
 
 if TYPE_CHECKING:
@@ -258,7 +260,18 @@ class AsyncClient:
                 yield piece
 
     def subscribe(
-        self, sparql: str, *, mode: Mode = "bindings", since: int | None = None
+        self,
+        sparql: str = "",
+        *,
+        mode: Mode = "bindings",
+        since: int | None = None,
+        at: Literal["now"] | None = None,
+        certainly: bool = False,
+        since_at: float | None = None,
+        from_commit: int | None = None,
+        from_time: float | None = None,
+        speed: float = 1.0,
+        durable: str | None = None,
     ) -> AsyncSubscription:
         """See `Client.subscribe`."""
         from fluentboard_client.live import AsyncSubscription
@@ -271,7 +284,21 @@ class AsyncClient:
             headers=self._headers,
             timeout_s=self._timeout_s,
             retries=self._retries,
+            options=live_options(
+                at=at,
+                certainly=certainly,
+                since_at=since_at,
+                from_commit=from_commit,
+                from_time=from_time,
+                speed=speed,
+                durable=durable,
+            ),
         )
+
+    @property
+    def subscriptions(self) -> AsyncDurableSubscriptions:
+        """Durable subscriptions, and explanations."""
+        return AsyncDurableSubscriptions(self._send)
 
     async def health(self) -> dict[str, Any]:
         """See `Client.health`."""

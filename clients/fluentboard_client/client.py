@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
 import httpx
 
@@ -18,6 +18,8 @@ from fluentboard_client.commands import Command, RefineFluent
 from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted, file_pieces
+from fluentboard_client.subscriptions import DurableSubscriptions
+from fluentboard_client.subscriptions import options as live_options
 from fluentboard_client.trajectories import Trajectory
 
 if TYPE_CHECKING:
@@ -390,7 +392,18 @@ class Client:
             after = str(found["next"])
 
     def subscribe(
-        self, sparql: str, *, mode: Mode = "bindings", since: int | None = None
+        self,
+        sparql: str = "",
+        *,
+        mode: Mode = "bindings",
+        since: int | None = None,
+        at: Literal["now"] | None = None,
+        certainly: bool = False,
+        since_at: float | None = None,
+        from_commit: int | None = None,
+        from_time: float | None = None,
+        speed: float = 1.0,
+        durable: str | None = None,
     ) -> Subscription:
         """The live result of a query: a Snapshot, then a Delta whenever it changes.
 
@@ -401,6 +414,13 @@ class Client:
             sparql: a SELECT, ASK or CONSTRUCT.
             mode: whether deltas carry `bindings`, whole `fluents`, or `both`.
             since: go on after this commit instead of starting with a snapshot.
+            at: `now` sees only the fluents that hold, and the clock changes the result, too.
+            certainly: with `at`: only what certainly holds.
+            since_at: with `at` and `since`: the time heard of last, in seconds.
+            from_commit: replay: begin after this commit, and go through the later ones.
+            from_time: replay: begin at this time, in seconds.
+            speed: of a replay: seconds of the past per second.
+            durable: instead of a query: the name of a durable subscription.
         """
         from fluentboard_client.live import Subscription
 
@@ -412,7 +432,21 @@ class Client:
             headers=self._headers,
             timeout_s=self._timeout_s,
             retries=self._retries,
+            options=live_options(
+                at=at,
+                certainly=certainly,
+                since_at=since_at,
+                from_commit=from_commit,
+                from_time=from_time,
+                speed=speed,
+                durable=durable,
+            ),
         )
+
+    @property
+    def subscriptions(self) -> DurableSubscriptions:
+        """Durable subscriptions, and explanations."""
+        return DurableSubscriptions(self._send)
 
     def health(self) -> dict[str, Any]:
         """What the service says of itself.

@@ -32,14 +32,17 @@ class Snapshot:
         commit: the commit it is exact at.
         rows: the solutions; for CONSTRUCT rows of subject, predicate and object, for ASK none.
         boolean: the answer of an ASK, None for other forms.
+        at_s: of a subscription at now: the time it is exact at, in seconds.
     """
 
     commit: int
     rows: tuple[Row, ...] = ()
     boolean: bool | None = None
+    at_s: float | None = None
 
     def __str__(self) -> str:
-        return _lines(self.commit, self.boolean, [("=", row_text(row)) for row in self.rows])
+        shown = [("=", row_text(row)) for row in self.rows]
+        return _lines(self.commit, self.at_s, self.boolean, shown)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,7 @@ class Delta:
         removed: solutions that went.
         fluents: the fluents that changed, in the modes `fluents` and `both`.
         boolean: the new answer of an ASK, None for other forms.
+        at_s: of a subscription at now: the time it is exact at, in seconds.
     """
 
     commit: int
@@ -61,12 +65,13 @@ class Delta:
     removed: tuple[Row, ...] = ()
     fluents: tuple[FluentChange, ...] = ()
     boolean: bool | None = None
+    at_s: float | None = None
 
     def __str__(self) -> str:
         changes = [("-", row_text(row)) for row in self.removed]
         changes += [("+", row_text(row)) for row in self.added]
         changes += [(c.kind, f"{c.fluent.name} ({c.fluent.class_name})") for c in self.fluents]
-        return _lines(self.commit, self.boolean, changes)
+        return _lines(self.commit, self.at_s, self.boolean, changes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,21 +104,37 @@ Event = Snapshot | Delta | Gap | Lagged
 class Conversation:
     """One subscription across as many connections as it takes."""
 
-    def __init__(self, query: str, mode: Mode, since: int | None, address: str) -> None:
+    def __init__(
+        self,
+        query: str,
+        mode: Mode,
+        since: int | None,
+        address: str,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
         if mode not in _MODES:
             raise InvalidInput(f"mode is {mode!r}; give one of {', '.join(_MODES)}")
         self._query = query
         self._mode = mode
         self._address = address
+        self._options = dict(options or {})
         self._variables: Sequence[str] = ()
+        self.at_s: float | None = self._options.pop("since_at", None)
+        """Of a subscription at now: the last time heard of, in seconds."""
         self.commit = since
         """The last commit heard of; None before the first message."""
 
     def opening(self) -> str:
         """The message to send on a new connection: subscribe, or resume after the last commit."""
-        wanted: dict[str, Any] = {"id": _ID, "query": self._query, "mode": self._mode}
+        wanted: dict[str, Any] = {"id": _ID, **self._options}
+        if "durable" not in wanted:
+            wanted |= {"query": self._query, "mode": self._mode}
         if self.commit is not None:
+            # A replay that broke off goes on live.
+            wanted.pop("replay", None)
             wanted["since"] = self.commit
+            if self.at_s is not None:
+                wanted["since_at"] = self.at_s
         return json.dumps({"subscribe": wanted})
 
     def hear(self, text: str | bytes) -> Event | None:
@@ -141,14 +162,15 @@ class Conversation:
 
     def _snapshot(self, message: Mapping[str, Any]) -> Snapshot:
         result = message["result"]
-        self.commit = int(message["commit"])
+        self.commit, self.at_s = int(message["commit"]), message.get("at")
         if "boolean" in result:
-            return Snapshot(self.commit, boolean=bool(result["boolean"]))
+            return Snapshot(self.commit, boolean=bool(result["boolean"]), at_s=self.at_s)
         self._variables = tuple(result["head"].get("vars", ()))
-        return Snapshot(self.commit, tuple(rows(result["results"]["bindings"], self._variables)))
+        found = tuple(rows(result["results"]["bindings"], self._variables))
+        return Snapshot(self.commit, found, at_s=self.at_s)
 
     def _delta(self, message: Mapping[str, Any]) -> Delta:
-        self.commit = int(message["commit"])
+        self.commit, self.at_s = int(message["commit"]), message.get("at")
         return Delta(
             self.commit,
             int(message["since"]),
@@ -156,6 +178,7 @@ class Conversation:
             tuple(rows(message.get("removed", ()), self._variables)),
             tuple(change_from_json(change) for change in message.get("events") or ()),
             message.get("boolean"),
+            self.at_s,
         )
 
 
@@ -175,9 +198,12 @@ def refusal(status: int, body: bytes, address: str) -> FluentboardError:
     return error_from_problem(problem, status, address)
 
 
-def _lines(commit: int, boolean: bool | None, changes: Sequence[tuple[str, str]]) -> str:
+def _lines(
+    commit: int, at_s: float | None, boolean: bool | None, changes: Sequence[tuple[str, str]]
+) -> str:
+    head = f"commit {commit}" if at_s is None else f"commit {commit}, at {at_s:.3f} s"
     if boolean is not None:
-        return f"commit {commit}: {str(boolean).lower()}"
+        return f"{head}: {str(boolean).lower()}"
     if not changes:
-        return f"commit {commit}: no rows"
-    return "\n".join(f"commit {commit}: {sign} {text}" for sign, text in changes)
+        return f"{head}: no rows"
+    return "\n".join(f"{head}: {sign} {text}" for sign, text in changes)

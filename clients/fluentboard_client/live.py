@@ -96,8 +96,9 @@ class Subscription(Iterator[Event]):
         headers: Mapping[str, str] | None = None,
         timeout_s: float = 10.0,
         retries: int = 3,
+        options: Mapping[str, Any] | None = None,
     ) -> None:
-        self._conversation = Conversation(query, mode, since, address)
+        self._conversation = Conversation(query, mode, since, address, options)
         self._reconnection = _Reconnection(address, retries)
         self._address = address
         self._options = _connection_options(address, headers or {}, timeout_s)
@@ -109,6 +110,11 @@ class Subscription(Iterator[Event]):
     def commit(self) -> int | None:
         """The last commit heard of: what to pass as `since` to go on from here later."""
         return self._conversation.commit
+
+    @property
+    def at_s(self) -> float | None:
+        """Of a subscription at now: the last time heard of, to pass as `since_at`."""
+        return self._conversation.at_s
 
     def __iter__(self) -> Self:
         return self
@@ -227,8 +233,9 @@ class AsyncSubscription(AsyncIterator[Event]):
         headers: Mapping[str, str] | None = None,
         timeout_s: float = 10.0,
         retries: int = 3,
+        options: Mapping[str, Any] | None = None,
     ) -> None:
-        self._conversation = Conversation(query, mode, since, address)
+        self._conversation = Conversation(query, mode, since, address, options)
         self._reconnection = _Reconnection(address, retries)
         self._address = address
         self._options = _connection_options(address, headers or {}, timeout_s)
@@ -239,6 +246,11 @@ class AsyncSubscription(AsyncIterator[Event]):
     def commit(self) -> int | None:
         """The last commit heard of: what to pass as `since` to go on from here later."""
         return self._conversation.commit
+
+    @property
+    def at_s(self) -> float | None:
+        """Of a subscription at now: the last time heard of, to pass as `since_at`."""
+        return self._conversation.at_s
 
     def __aiter__(self) -> Self:
         return self

@@ -86,13 +86,15 @@ class EventStream(StreamedReply):
         self._something.set()
 
     async def _events(self) -> AsyncIterator[bytes]:
-        yield b"retry: %d\n\n" % self._retry_ms
+        # Part of the first event: some clients take a block without data for an event.
+        retry = b"retry: %d\n" % self._retry_ms
         while not self._is_closing:
             self._something.clear()
             messages = self.subscription.poll(_TURN)
             if messages:
                 for message in messages:
-                    yield event_text(message, self.name)
+                    yield retry + event_text(message, self.name)
+                    retry = b""
                     if isinstance(message, Failed):
                         return
                 continue

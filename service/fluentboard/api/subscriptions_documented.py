@@ -24,7 +24,7 @@ from fluentboard.errors import (
 
 _MUGS = "SELECT ?mug WHERE { ?mug a race:Mug }"
 _EVENTS = (
-    "retry: 1000\n\n"
+    "retry: 1000\n"
     'id: 1:17\ndata: {"type":"snapshot","id":"query","sequence":0,"commit":17,"result":'
     '{"head":{"vars":["mug"]},"results":{"bindings":[]}}}\n\n'
 )

@@ -47,8 +47,16 @@ def register(app: typer.Typer) -> None:
         name="watch",
         epilog="Examples:\n\n"
         "fluentboard watch 'SELECT ?table WHERE { ?table a furniture:Table }'\n\n"
-        "fluentboard watch 'SELECT ?mug WHERE { ?mug a race:Mug }' --mode fluents --format json",
+        "fluentboard watch 'SELECT ?mug WHERE { ?mug a race:Mug }' --mode fluents --format json\n\n"
+        "fluentboard watch 'SELECT ?mug WHERE { ?mug a race:Mug }' --at now --from-commit 3 "
+        "--speed 10",
     )(watch)
+    app.command(
+        name="explain",
+        epilog="Examples:\n\n"
+        "fluentboard explain 'SELECT ?mug WHERE { ?mug a race:Mug }'\n\n"
+        "fluentboard explain 'SELECT ?mug WHERE { ?mug a race:Mug }' --fluent mug1 --at now",
+    )(explain)
 
 
 def query(
@@ -101,6 +109,26 @@ def watch(
         int | None,
         typer.Option(metavar="COMMIT", help="Begin after this commit, not with the whole result."),
     ] = None,
+    at: Annotated[
+        Literal["now"] | None,
+        typer.Option(help="now: show what holds, and what the clock changes of that."),
+    ] = None,
+    certainly: Annotated[
+        bool, typer.Option("--certainly", help="With --at now: only what certainly holds.")
+    ] = False,
+    from_commit: Annotated[
+        int | None, typer.Option(metavar="COMMIT", help="Replay the past after this commit.")
+    ] = None,
+    from_time: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Replay the past from this time on.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(help="Of a replay: seconds of the past per second.")
+    ] = 1.0,
+    durable: Annotated[
+        bool,
+        typer.Option("--durable", help="SPARQL is the name of a durable subscription instead."),
+    ] = False,
     format: Annotated[LineFormat, typer.Option(help="Text, or one JSON object per line.")] = "text",
     token: Token = None,
 ) -> None:
@@ -109,7 +137,17 @@ def watch(
     Reconnects when the board restarts, and goes on with what it missed.
     """
     with connect(board, token) as client:
-        subscription = client.subscribe(query_text(sparql), mode=mode, since=since)
+        subscription = client.subscribe(
+            "" if durable else query_text(sparql),
+            mode=mode,
+            since=since,
+            at=at,
+            certainly=certainly,
+            from_commit=from_commit,
+            from_time=from_time,
+            speed=speed,
+            durable=sparql if durable else None,
+        )
 
         def stop(number: int, frame: FrameType | None) -> None:
             raise KeyboardInterrupt
@@ -123,6 +161,41 @@ def watch(
             pass  # the usual way to end a watch
         finally:
             subscription.close()
+
+
+def explain(
+    sparql: Sparql,
+    board: Board = DEFAULT_BOARD,
+    fluent: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Also say why this fluent is in, or is not.")
+    ] = None,
+    at: Annotated[
+        Literal["now"] | None, typer.Option(help="now: explain a subscription to what holds.")
+    ] = None,
+    certainly: Annotated[
+        bool, typer.Option("--certainly", help="With --at now: only what certainly holds.")
+    ] = False,
+    format: Annotated[LineFormat, typer.Option(help="Text, or a JSON object.")] = "text",
+    token: Token = None,
+) -> None:
+    """Say how a subscription would be evaluated, and why it has nothing to say of a fluent."""
+    with connect(board, token) as client:
+        text = query_text(sparql)
+        found = client.subscriptions.explain(text, fluent=fluent, at=at, certainly=certainly)
+    if format == "json":
+        typer.echo(json.dumps(found, indent=2))
+        return
+    typer.echo(f"tier {found['tier']}: {found['reason']}")
+    typer.echo(f"concerned by {found['concerned_by']}")
+    for shape in found["shapes"]:
+        typer.echo(f"  {shape}")
+    for one in found["refused"]:
+        typer.echo(f"not tier {one['tier']}: {one['reason']}")
+    if fluent is not None:
+        for one in found["fluent"]["conditions"]:
+            mark = "met    " if one["met"] else "not met"
+            typer.echo(f"{mark} {one['pattern']}" + (f" ({one['why']})" if one["why"] else ""))
+        typer.echo(found["fluent"]["verdict"])
 
 
 def _print_table(rows: list[Row]) -> None:
@@ -155,6 +228,8 @@ def _event_json(event: Event) -> dict[str, Any]:
     shown: dict[str, Any] = {"type": kind}
     if isinstance(event, (Snapshot, Delta)):
         shown["commit"] = event.commit
+        if event.at_s is not None:
+            shown["at"] = event.at_s
         if event.boolean is not None:
             shown["boolean"] = event.boolean
     if isinstance(event, Snapshot):

@@ -108,3 +108,29 @@ def test_unknown_mode_is_refused() -> None:
 )
 def test_live_address_follows_the_board_address(board: str, live: str) -> None:
     assert live_address(board) == live
+
+
+def test_subscription_at_now_resumes_with_commit_and_time() -> None:
+    talk = Conversation("SELECT ?t {}", "bindings", None, "http://board", {"at": "now"})
+    assert json.loads(talk.opening())["subscribe"]["at"] == "now"
+    result: dict[str, Any] = {"head": {"vars": []}, "results": {"bindings": []}}
+    message = {"type": "snapshot", "id": "1", "sequence": 0, "commit": 4, "at": 9.5}
+    event = talk.hear(json.dumps({**message, "result": result}))
+    assert isinstance(event, Snapshot)
+    assert event.at_s == 9.5
+    assert str(event) == "commit 4, at 9.500 s: no rows"
+    again = json.loads(talk.opening())["subscribe"]
+    assert (again["since"], again["since_at"]) == (4, 9.5)
+
+
+def test_replay_that_broke_off_goes_on_live() -> None:
+    options = {"replay": {"commit": 1, "speed": 2.0}}
+    talk = Conversation("SELECT ?t {}", "bindings", None, "http://board", options)
+    assert json.loads(talk.opening())["subscribe"]["replay"] == options["replay"]
+    talk.commit = 7
+    assert "replay" not in json.loads(talk.opening())["subscribe"]
+
+
+def test_durable_subscription_is_asked_for_by_name() -> None:
+    talk = Conversation("", "bindings", None, "http://board", {"durable": "mugs"})
+    assert json.loads(talk.opening()) == {"subscribe": {"id": "1", "durable": "mugs"}}
