@@ -53,6 +53,18 @@ THESIS_EDGE_FEATURES = (
 SIDE_FEATURES = ("side_offset", "abs_side_offset", "abs_volume_ratio", "abs_table_border_diff")
 """Left and right as seen from the nearest border, and how unequal two objects are."""
 
+SIZE_DEPENDENT = frozenset(
+    {
+        *THESIS_NODE_FEATURES[1:6],
+        *SIZE_FEATURES,
+        *SQUARE_FEATURES,
+        "volume_ratio",
+        "abs_volume_ratio",
+        "height_diff",
+    }
+)
+"""Features that are unknown as long as the size of an object is."""
+
 _ODD = {
     "volume_ratio",
     "table_border_diff",
@@ -151,14 +163,25 @@ def build_scene_graph(
     edges = number[np.asarray(pairs, dtype=np.int64).reshape(-1, 2)]
     edges = np.sort(edges[np.all(edges >= 0, axis=1)], axis=1)
     edges = _nearest_edges(edges, centres[members], config.neighbours_max)
-    chosen = [objects[i] for i in members]
-    columns = _Columns(chosen)
+    columns = _Columns([objects[i] for i in members])
     return SceneGraph(
         members,
         columns.node_features(config.node_features),
         edges,
         columns.edge_features(edges, config.edge_features),
     )
+
+
+def object_features(objects: Sequence[SceneObject], names: Sequence[str]) -> FloatArray:
+    """`(n, Fn)`; unary features of objects."""
+    return _Columns(objects).node_features(names)
+
+
+def pair_features(
+    objects: Sequence[SceneObject], edges: IntArray, names: Sequence[str]
+) -> FloatArray:
+    """`(m, Fe)`; pairwise features of the objects that edges `(m, 2)` join."""
+    return _Columns(objects).edge_features(edges, names)
 
 
 def _reached(tracked: np.ndarray, pairs: np.ndarray) -> IntArray:
