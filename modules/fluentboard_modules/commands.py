@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fluentboard_modules.anchoring import commands as anchoring_commands
 from fluentboard_modules.command_options import (
     DEFAULT_BOARD,
     Board,
@@ -66,6 +67,11 @@ def register(app: typer.Typer) -> None:
     )(evaluate_mapping)
     search_commands.register(app, work, evaluate)
     app.add_typer(evaluate, name="evaluate")
+    train = typer.Typer(
+        help="Train what a perception module recognises with.", no_args_is_help=True
+    )
+    anchoring_commands.register(train, evaluate)
+    app.add_typer(train, name="train")
     app.command(
         "demo",
         epilog="Examples:\n\nfluentboard demo\n\nfluentboard demo --keep\n\n"
@@ -143,12 +149,18 @@ def work_anchoring(
     recogniser: Annotated[
         str | None,
         typer.Option(
-            metavar="FILE", help="A trained recogniser. Default: geometric, by size and shape."
+            metavar="FILE",
+            help="A trained recogniser, or spin-images: the built-in one for tableware. Default: "
+            "geometric, by size and shape.",
         ),
     ] = None,
     context: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="A trained context model (CRF). Default: none."),
+        typer.Option(
+            metavar="FILE",
+            help="A trained context model (CRF), or tableware: the built-in one, for spin-images. "
+            "Default: none.",
+        ),
     ] = None,
     mismatch: Annotated[
         str | None,

@@ -1,4 +1,4 @@
-"""Where an unseen object of a class would fit: hallucinated nodes of the CRF at candidate places."""
+"""Where an unseen object of a class would fit: imagined nodes of the CRF at candidate places."""
 
 from __future__ import annotations
 
@@ -75,13 +75,9 @@ def class_probability_at(
             if not len(near):
                 continue
             edges = np.array([[0, 1 + k] for k in range(len(near))])
-            e = pair_features(
-                [imagined[n], *(known[k] for k in near)], edges, config.edge_features
-            )
+            e = pair_features([imagined[n], *(known[k] for k in near)], edges, config.edge_features)
             e[:, [name in SIZE_DEPENDENT for name in config.edge_features]] = np.nan
-            pairwise = np.tensordot(
-                model.edge_scaling.apply(e), model.edge_weights, axes=(1, 0)
-            )
+            pairwise = np.tensordot(model.edge_scaling.apply(e), model.edge_weights, axes=(1, 0))
             # What each neighbour says about the node, averaged over what the neighbour may be.
             weight = np.log(np.maximum(marginals[near], 1e-12))[:, None, :]
             score[n] += logsumexp(pairwise + weight, axis=2).sum(axis=0)

@@ -125,6 +125,8 @@ class LabelledGraphs:
     def save(self, path: Path, **predictions: IntArray) -> None:
         """Writes an `.npz` that any CRF library can be trained on.
 
+        Unknown features get the mean of the known ones: other libraries take no NaN.
+
         Args:
             path: of the file; its folder is made if it is missing.
             predictions: per name the classes `(nodes,)` that were predicted, kept as
@@ -134,12 +136,12 @@ class LabelledGraphs:
         np.savez_compressed(
             path,
             n_classes=np.int64(len(self.classes)),
-            x=self.x.astype(np.float64),
+            x=_completed(self.x),
             y=self.y.astype(np.int64),
             confidence=self.confidence.astype(np.float64),
             graph_ptr=self.graph_ptr.astype(np.int64),
             edges=self.edges.astype(np.int64),
-            e=self.e.astype(np.float64),
+            e=_completed(self.e),
             edge_ptr=self.edge_ptr.astype(np.int64),
             fold=self.fold.astype(np.int64),
             classes=np.array(self.classes, dtype=np.str_),
@@ -243,6 +245,12 @@ class GraphCollector:
             self.node_names,
             self.edge_names,
         )
+
+
+def _completed(features: FloatArray) -> FloatArray:
+    known = np.isfinite(features)
+    total = np.where(known, features, 0.0).sum(axis=0)
+    return np.where(known, features, total / np.maximum(known.sum(axis=0), 1)).astype(np.float64)
 
 
 def _pointers(counts: Sequence[int] | IntArray) -> IntArray:

@@ -184,7 +184,11 @@ def _graphs(
             # thesis, which removed them by hand.
             if with_anchors:
                 parts = [
-                    (thing, of_anchor.get(thing.name, ("", ""))[1], frame.tracks.get(thing.name, -1))
+                    (
+                        thing,
+                        of_anchor.get(thing.name, ("", ""))[1],
+                        frame.tracks.get(thing.name, -1),
+                    )
                     for thing in frame.anchors
                 ]
             else:

@@ -16,6 +16,7 @@ _THINNEST_M = 0.002
 _NEAR = 0.15
 """Least deviation of a logarithmic size: makes differ by 15 %."""
 
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SizeRecogniser:
     """Rates classes by how usual the size of the box would be for each.

@@ -51,7 +51,9 @@ class SpinImageRecogniser:
     def rate(self, query: FloatArray) -> FloatArray:
         """`(k,)`; confidence per class of an object with spin images `(keypoints, components)`."""
         distance = object_distances(query[None], self.descriptors)[0]
-        return _confidence(_class_distances(distance, self.labels, len(self.classes)), self.sharpness)
+        return _confidence(
+            _class_distances(distance, self.labels, len(self.classes)), self.sharpness
+        )
 
     def save(self, path: Path) -> None:
         """Writes the recogniser as an `.npz` file; its folder is made if it is missing."""
@@ -97,9 +99,7 @@ def load_recogniser(path: Path) -> SpinImageRecogniser:
             raise ValueError(f"descriptors of shape {descriptors.shape}")
         if not (len(labels) and 0 <= labels.min() <= labels.max() < len(classes)):
             raise ValueError("labels that are no classes")
-        return SpinImageRecogniser(
-            classes, descriptors, labels, float(arrays["sharpness"]), config
-        )
+        return SpinImageRecogniser(classes, descriptors, labels, float(arrays["sharpness"]), config)
     except (OSError, KeyError, ValueError, EOFError, InvalidConfiguration) as problem:
         raise InvalidModel(
             f"{path} holds no recogniser ({problem}); train one with: fluentboard train recogniser"

@@ -1,4 +1,4 @@
-"""Examples for a recogniser: CAD models as a depth camera sees them on a table, or stored clusters."""
+"""Examples for a recogniser: CAD models as a depth camera sees them, or stored clusters."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from fluentboard.errors import InvalidInput
-from fluentboard.model.geometry import Pose
+from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.anchoring.config import AnchoringConfig
 from fluentboard_modules.anchoring.observation import Cluster
 from fluentboard_modules.anchoring.organised import organise
 from fluentboard_modules.anchoring.segmentation import segment
 from fluentboard_modules.anchoring.supports import find_tops
+from fluentboard_modules.frames.clouds import READERS
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.cad import CAD_SUFFIXES, load_mesh, standing
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
 from fluentboard_modules.simulation.sensor import RgbdSensor
+from fluentboard_modules.simulation.table_service import TABLEWARE_CLASSES, random_service
 from fluentboard_modules.simulation.viewpoint import kinect_camera, look_at
 
 _TABLE = (1.7, 1.0, 0.74)
@@ -67,6 +69,49 @@ def models_in_folder(folder: Path) -> dict[str, list[Model]]:
     return found
 
 
+def tableware_models(seed: int = 77, services: int = 4) -> dict[str, list[Model]]:
+    """Simulated tableware of so many services, by class: what the built-in recogniser knows."""
+    made = [random_service(np.random.default_rng([seed, k])) for k in range(services)]
+    return {cls: [service.model(cls) for service in made] for cls in sorted(TABLEWARE_CLASSES)}
+
+
+def stored_clusters(folder: Path) -> tuple[list[Cluster], list[str]]:
+    """Labelled clusters: point clouds in the sensor's frame, in a folder per class.
+
+    Raises:
+        InvalidInput: there are none.
+        InvalidFrame: a cloud cannot be read.
+    """
+    clusters: list[Cluster] = []
+    labels: list[str] = []
+    for path in sorted(folder.rglob("*")):
+        reader = READERS.get(path.suffix.lower())
+        if reader is None or path.parent == folder:
+            continue
+        points = reader(path).points
+        points = points[np.isfinite(points).all(axis=1)]
+        if not len(points):
+            continue
+        low, high = points.min(axis=0), points.max(axis=0)
+        centre = 0.5 * (low + high)
+        box = BoundingBox(Pose(*(float(v) for v in centre)), *(float(v) for v in high - low))
+        clusters.append(
+            Cluster(points, np.zeros((len(points), 2), np.int64), box, 1.0, np.zeros(3))
+        )
+        labels.append(path.parent.name)
+    if not clusters:
+        raise InvalidInput(
+            f"{folder} holds no labelled clusters; put .pcd or .ply files of single objects into a "
+            "folder per class, such as Mug/1.pcd"
+        )
+    return clusters, labels
+
+
+def frame_count(models: Mapping[str, Sequence[Model]], config: ViewingConfig) -> int:
+    """How many frames `seen_models` will look at."""
+    return -(-len(models) * config.views // len(_PLACES))
+
+
 def seen_models(
     models: Mapping[str, Sequence[Model]],
     config: ViewingConfig | None = None,
@@ -92,7 +137,9 @@ def seen_models(
     clusters: list[Cluster] = []
     labels: list[str] = []
     turns = [
-        (cls, listed[k % len(listed)]) for cls, listed in models.items() for k in range(config.views)
+        (cls, listed[k % len(listed)])
+        for cls, listed in models.items()
+        for k in range(config.views)
     ]
     order = rng.permutation(len(turns))
     for start in range(0, len(turns), len(_PLACES)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 from fluentboard.errors import InvalidInput
@@ -10,6 +11,7 @@ from fluentboard_modules.anchoring.context_model import CrfContextModel
 from fluentboard_modules.anchoring.crf_files import load_crf
 from fluentboard_modules.anchoring.geometric import GeometricRecogniser
 from fluentboard_modules.anchoring.observation import ContextModel, Recogniser
+from fluentboard_modules.anchoring.recogniser_spin_images import load_recogniser
 
 
 def recogniser_of(config: RecognitionConfig) -> Recogniser:
@@ -20,10 +22,15 @@ def recogniser_of(config: RecognitionConfig) -> Recogniser:
     """
     if config.recogniser == "geometric":
         return GeometricRecogniser()
-    raise InvalidInput(
-        f"no recogniser is called {config.recogniser!r}; give geometric, or the file of a trained "
-        "one"
-    )
+    if config.recogniser == "spin-images":
+        return load_recogniser(_built_in("table_recogniser.npz"))
+    path = Path(config.recogniser)
+    if not path.exists():
+        raise InvalidInput(
+            f"no recogniser is called {config.recogniser!r}; give geometric, spin-images, or the "
+            "file of a trained one"
+        )
+    return load_recogniser(path)
 
 
 def context_of(config: RecognitionConfig, recogniser: Recogniser) -> ContextModel | None:
@@ -34,5 +41,10 @@ def context_of(config: RecognitionConfig, recogniser: Recogniser) -> ContextMode
     """
     if config.context is None:
         return None
-    model, graph = load_crf(Path(config.context), recogniser.classes)
+    path = _built_in("table_crf.npz") if config.context == "tableware" else Path(config.context)
+    model, graph = load_crf(path, recogniser.classes)
     return CrfContextModel(model, graph)
+
+
+def _built_in(name: str) -> Path:
+    return Path(str(files("fluentboard_modules.anchoring").joinpath(name)))
