@@ -16,7 +16,15 @@ from fluentboard.model.interval import Interval
 from fluentboard_client import exchange, trajectories
 from fluentboard_client.client import DEFAULT_BOARD
 from fluentboard_client.commands import Command, RefineFluent
-from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
+from fluentboard_client.exchange import (
+    ChangesFormat,
+    ExportFormat,
+    FluentChange,
+    ImportFormat,
+    RdfVocabulary,
+    Receipt,
+    Time,
+)
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted_async, file_pieces
 from fluentboard_client.subscriptions import AsyncDurableSubscriptions
@@ -110,6 +118,7 @@ class AsyncClient:
         source: Path | Iterable[bytes],
         format: ImportFormat = "yaml",
         *,
+        graph: str | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> dict[str, Any]:
         """See `Client.import_fluents`."""
@@ -117,6 +126,7 @@ class AsyncClient:
         try:
             reply = await self._http.post(
                 "/import",
+                params=exchange.import_params(graph),
                 content=counted_async(pieces, progress),
                 headers={"Content-Type": exchange.MEDIA_TYPES[format]},
                 timeout=httpx.Timeout(self._timeout_s, read=None),
@@ -251,10 +261,42 @@ class AsyncClient:
         return (await self._send(request)).content
 
     async def export(
-        self, format: ExportFormat = "yaml", *, at: Time | None = None
+        self,
+        format: ExportFormat = "yaml",
+        *,
+        at: Time | None = None,
+        class_name: str | None = None,
+        during: tuple[float, float] | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+        vocabulary: RdfVocabulary | None = None,
+        relations: bool = False,
     ) -> AsyncIterator[bytes]:
         """See `Client.export`."""
-        request = exchange.export(format, at)
+        request = exchange.export(
+            format,
+            at,
+            class_name=class_name,
+            during=during,
+            certainly=certainly,
+            as_of=as_of,
+            vocabulary=vocabulary,
+            relations=relations,
+        )
+        async with self._streamed(request) as reply:
+            async for piece in reply.aiter_bytes():
+                yield piece
+
+    async def changes(
+        self,
+        since: int = 0,
+        *,
+        until: int | None = None,
+        follow: bool = False,
+        format: ChangesFormat = "rdf-patch",
+    ) -> AsyncIterator[bytes]:
+        """See `Client.changes`."""
+        request = exchange.changes(since, until, follow, format)
         async with self._streamed(request) as reply:
             async for piece in reply.aiter_bytes():
                 yield piece
@@ -352,7 +394,10 @@ class AsyncClient:
     async def _streamed(self, request: exchange.Request) -> AsyncGenerator[httpx.Response, None]:
         try:
             async with self._http.stream(
-                request.method, request.path, params=dict(request.params)
+                request.method,
+                request.path,
+                params=dict(request.params),
+                headers=dict(request.headers),
             ) as reply:
                 if not reply.is_success:
                     await reply.aread()

@@ -15,7 +15,15 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Interval
 from fluentboard_client import exchange, trajectories
 from fluentboard_client.commands import Command, RefineFluent
-from fluentboard_client.exchange import ExportFormat, FluentChange, ImportFormat, Receipt, Time
+from fluentboard_client.exchange import (
+    ChangesFormat,
+    ExportFormat,
+    FluentChange,
+    ImportFormat,
+    RdfVocabulary,
+    Receipt,
+    Time,
+)
 from fluentboard_client.results import Row
 from fluentboard_client.streams import counted, file_pieces
 from fluentboard_client.subscriptions import DurableSubscriptions
@@ -142,13 +150,15 @@ class Client:
         source: Path | Iterable[bytes],
         format: ImportFormat = "yaml",
         *,
+        graph: str | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> dict[str, Any]:
-        """Streams a file of fluents (or an ontology in Turtle) to the board.
+        """Streams a file of fluents, or of other people's knowledge, to the board.
 
         Args:
             source: a file, or pieces of one.
-            format: `yaml`, `jsonl` or `turtle`.
+            format: `yaml`, `jsonl`, or a format of RDF.
+            graph: IRI of the graph for what RDF says that is not about fluents, or `"default"`.
             progress: called with the number of bytes sent since the last call.
 
         Returns:
@@ -162,6 +172,7 @@ class Client:
         try:
             reply = self._http.post(
                 "/import",
+                params=exchange.import_params(graph),
                 content=counted(pieces, progress),
                 headers={"Content-Type": exchange.MEDIA_TYPES[format]},
                 timeout=httpx.Timeout(self._timeout_s, read=None),  # takes as long as it takes
@@ -351,9 +362,60 @@ class Client:
             )
         ).content
 
-    def export(self, format: ExportFormat = "yaml", *, at: Time | None = None) -> Iterator[bytes]:
-        """Everything on the board, or what holds at a time, in pieces as they arrive."""
-        request = exchange.export(format, at)
+    def export(
+        self,
+        format: ExportFormat = "yaml",
+        *,
+        at: Time | None = None,
+        class_name: str | None = None,
+        during: tuple[float, float] | None = None,
+        certainly: bool = False,
+        as_of: int | None = None,
+        vocabulary: RdfVocabulary | None = None,
+        relations: bool = False,
+    ) -> Iterator[bytes]:
+        """Everything on the board, or what passes a filter, in pieces as they arrive.
+
+        Args:
+            format: how to write it; RDF with named graphs has what is said outside fluents, too.
+            at: only what holds at that time, in seconds or `"now"`.
+            class_name: only fluents of that class.
+            during: only what holds at some time within the window.
+            certainly: certainly and not only possibly so.
+            as_of: as the board was after that commit.
+            vocabulary: of RDF: the board's own, or OWL-Time.
+            relations: with OWL-Time: also Allen's relations that certainly hold.
+        """
+        request = exchange.export(
+            format,
+            at,
+            class_name=class_name,
+            during=during,
+            certainly=certainly,
+            as_of=as_of,
+            vocabulary=vocabulary,
+            relations=relations,
+        )
+        with self._streamed(request) as reply:
+            yield from reply.iter_bytes()
+
+    def changes(
+        self,
+        since: int = 0,
+        *,
+        until: int | None = None,
+        follow: bool = False,
+        format: ChangesFormat = "rdf-patch",
+    ) -> Iterator[bytes]:
+        """What the commits after one changed, in pieces as they arrive.
+
+        Args:
+            since: the last commit that is known; 0 for all.
+            until: the last commit to tell of.
+            follow: go on with commits as they are made, for ever.
+            format: RDF Patch, or JSON Lines.
+        """
+        request = exchange.changes(since, until, follow, format)
         with self._streamed(request) as reply:
             yield from reply.iter_bytes()
 
@@ -504,7 +566,10 @@ class Client:
     def _streamed(self, request: exchange.Request) -> Generator[httpx.Response, None, None]:
         try:
             with self._http.stream(
-                request.method, request.path, params=dict(request.params)
+                request.method,
+                request.path,
+                params=dict(request.params),
+                headers=dict(request.headers),
             ) as reply:
                 if not reply.is_success:
                     reply.read()

@@ -21,15 +21,26 @@ from fluentboard_client.commands import Command, RefineFluent, statement_json
 from fluentboard_client.problems import error_from_problem
 from fluentboard_client.results import Row, rows
 
-ImportFormat = Literal["yaml", "jsonl", "turtle"]
-ExportFormat = Literal["yaml", "jsonl", "turtle"]
+ImportFormat = Literal["yaml", "jsonl", "turtle", "ntriples", "trig", "nquads", "jsonld", "rdfxml"]
+ExportFormat = Literal["yaml", "jsonl", "turtle", "ntriples", "trig", "nquads", "jsonld"]
+RdfVocabulary = Literal["upper", "owl-time"]
+ChangesFormat = Literal["rdf-patch", "jsonl"]
 Time = float | Literal["now"]
 
 MEDIA_TYPES: Mapping[str, str] = {
     "yaml": "application/yaml",
     "jsonl": "application/x-ndjson",
     "turtle": "text/turtle",
+    "ntriples": "application/n-triples",
+    "trig": "application/trig",
+    "nquads": "application/n-quads",
+    "jsonld": "application/ld+json",
+    "rdfxml": "application/rdf+xml",
+    "rdf-patch": "application/rdf-patch",
 }
+DEFAULT_GRAPH = "default"
+"""Names the default graph where an import asks for a graph."""
+
 _RESULTS_JSON = "application/sparql-results+json"
 _ANY_RESULT = f"{_RESULTS_JSON}, application/n-triples"
 
@@ -255,9 +266,44 @@ def sparql(
     )
 
 
-def export(format: ExportFormat, at: Time | None) -> Request:
-    """Everything on the board, or what holds at a time."""
-    return Request("GET", "/export", params=_params(format=format, at=at))
+def import_params(graph: str | None) -> dict[str, str]:
+    """The parameters of an import whose statements outside fluents go to a graph."""
+    if graph is None:
+        return {}
+    return {"default": ""} if graph == DEFAULT_GRAPH else {"graph": graph}
+
+
+def export(
+    format: ExportFormat,
+    at: Time | None,
+    *,
+    class_name: str | None = None,
+    during: tuple[float, float] | None = None,
+    certainly: bool = False,
+    as_of: int | None = None,
+    vocabulary: RdfVocabulary | None = None,
+    relations: bool = False,
+) -> Request:
+    """Everything on the board, or what passes a filter."""
+    params = _params(
+        **{
+            "format": format,
+            "at": at,
+            "class": class_name,
+            "during": None if during is None else f"{during[0]!r},{during[1]!r}",
+            "certainly": "true" if certainly else None,
+            "asof": as_of,
+            "vocabulary": vocabulary,
+            "relations": "true" if relations else None,
+        }
+    )
+    return Request("GET", "/export", params=params)
+
+
+def changes(since: int, until: int | None, follow: bool, format: ChangesFormat) -> Request:
+    """What commits changed."""
+    params = _params(since=since, until=until, follow="true" if follow else None)
+    return Request("GET", "/changes", params=params, headers={"Accept": MEDIA_TYPES[format]})
 
 
 def backup(up_to: str | None) -> Request:

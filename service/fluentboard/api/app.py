@@ -13,6 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Match
 
 from fluentboard import __version__
+from fluentboard.api.changes import ChangeRoutes
 from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.edge import Edge
 from fluentboard.api.evaluation import Evaluator
@@ -57,6 +58,7 @@ class BoardApp(FastAPI):
         metrics: counts requests.
         live: all WebSockets; whoever runs the app closes them before it stops.
         frames: requests that wait for a frame, likewise.
+        changes: feeds that wait for commits, likewise.
         sepa: the WebSockets that speak SEPA's dialect; `live` holds them.
     """
 
@@ -67,6 +69,7 @@ class BoardApp(FastAPI):
         metrics: Metrics,
         live: LiveRoutes,
         frames: FrameRoutes,
+        changes: ChangeRoutes,
         sepa: SepaRoutes,
         **options: Any,
     ) -> None:
@@ -82,6 +85,7 @@ class BoardApp(FastAPI):
         self.metrics = metrics
         self.live = live
         self.frames = frames
+        self.changes = changes
         self.sepa = sepa
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)
@@ -153,6 +157,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         blackboard, registry, durable, webhooks, live, settings.subscriptions, settings.limits
     )
     frames = FrameRoutes(None if data is None else data / "frames", settings.frames)
+    changes = ChangeRoutes(blackboard)
     system = SystemRoutes(blackboard)
     graph_store = GraphStoreRoutes(blackboard, evaluator, updater, settings.limits)
     rdf4j = Rdf4jRoutes(blackboard, evaluator, updater, graph_store, settings.limits)
@@ -163,6 +168,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *FluentRoutes(blackboard, settings.limits).operations(),
         *ObjectRoutes(blackboard).operations(),
         *TransferRoutes(blackboard, settings.limits).operations(),
+        *changes.operations(),
         *subscription_operations(subscribing),
         *sepa.operations(),
         *frames.operations(),
@@ -191,6 +197,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         yield
         await webhooks.close()
         frames.wake()
+        changes.wake()
         await live.close()
         frames.close()
         registry.close()
@@ -198,7 +205,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         updater.close()
         evaluator.close()
 
-    app = BoardApp(operations, guard, metrics, live, frames, sepa, lifespan=lifespan)
+    app = BoardApp(operations, guard, metrics, live, frames, changes, sepa, lifespan=lifespan)
     app.add_exception_handler(HTTPException, _http_problem)
     app.add_exception_handler(Exception, _unforeseen_problem)
     return app

@@ -1,83 +1,158 @@
-"""The formats of an import, each as a stream of fluents from an open file."""
+"""The formats of an import, each as a stream of fluents and statements from an open file."""
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import IO
 
 import pyoxigraph as ox
 
 from fluentboard.api.bodies import NDJSON, YAML, json_lines
+from fluentboard.api.rdf_bodies import InvalidRdf
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.triples import fluent_from_triples, fluent_name
+from fluentboard.board.update_operations import Graph
 from fluentboard.board.vocabulary import RDF_TYPE
 from fluentboard.errors import InvalidInput, UnknownFluent
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.yaml_format import read_fluents
 from fluentboard_ontology import FLUENT, PREFIXES
 
-TURTLE = "text/turtle"
+Reader = Callable[[IO[bytes], Blackboard, Graph | None], Iterator[Fluent | ox.Quad]]
+"""Reads a file; statements that are in no graph of their own go to the given one."""
 
-Reader = Callable[[IO[bytes], Blackboard], Iterator[Fluent]]
+_RDF_FORMATS = {
+    "text/turtle": ox.RdfFormat.TURTLE,
+    "application/n-triples": ox.RdfFormat.N_TRIPLES,
+    "application/trig": ox.RdfFormat.TRIG,
+    "application/n-quads": ox.RdfFormat.N_QUADS,
+    "application/ld+json": ox.RdfFormat.JSON_LD,
+    "application/rdf+xml": ox.RdfFormat.RDF_XML,
+}
+_BATCH = 10_000
 
 
-def _from_yaml(file: IO[bytes], board: Blackboard) -> Iterator[Fluent]:
+def graph_named(iri: str | None, is_default: bool) -> Graph | None:
+    """The graph that a request names for statements outside fluents; None if it names none.
+
+    Raises:
+        InvalidInput: it names two, or one by something that is no IRI.
+    """
+    if iri is None:
+        return ox.DefaultGraph() if is_default else None
+    if is_default:
+        raise InvalidInput("the request names both ?default and ?graph; give one of them")
+    try:
+        return ox.NamedNode(iri)
+    except ValueError as problem:
+        raise InvalidInput(f"the graph {iri!r} is no IRI: {problem}", parameter="graph") from None
+
+
+def _from_yaml(file: IO[bytes], board: Blackboard, target: Graph | None) -> Iterator[Fluent]:
     return read_fluents(file, "the import")
 
 
-def _from_json_lines(file: IO[bytes], board: Blackboard) -> Iterator[Fluent]:
+def _from_json_lines(file: IO[bytes], board: Blackboard, target: Graph | None) -> Iterator[Fluent]:
     return json_lines(file)
 
 
-def _from_turtle(file: IO[bytes], board: Blackboard) -> Iterator[Fluent]:
-    """The fluents of a Turtle file; the triples of one may stand anywhere in it.
+def _from_rdf(
+    media_type: str, file: IO[bytes], board: Blackboard, target: Graph | None
+) -> Iterator[Fluent | ox.Quad]:
+    """What an RDF file says; the triples of a fluent may stand anywhere in it.
+
+    A blank node is named after the file and its place in it, so that the same file can be imported
+    again without saying anything twice.
 
     Raises:
-        InvalidInput: it does not parse, or says something that is not about a fluent.
+        InvalidRdf: it does not parse, or names a graph by a blank node.
+        InvalidInput: it says something that is not about a fluent, in no graph, and `target` is
+            None.
     """
-    a = ox.NamedNode(RDF_TYPE)
-    with tempfile.TemporaryDirectory(prefix="fluentboard-turtle-") as folder:
+    whole = hashlib.sha256()
+    while block := file.read(2**20):
+        whole.update(block)
+    digest = whole.digest()
+    file.seek(0)
+    names: dict[ox.BlankNode, ox.BlankNode] = {}
+
+    def named(node: ox.BlankNode) -> ox.BlankNode:
+        if node not in names:
+            label = hashlib.sha256(digest + str(len(names)).encode()).hexdigest()
+            names[node] = ox.BlankNode("a" + label[:31])
+        return names[node]
+
+    with tempfile.TemporaryDirectory(prefix="fluentboard-import-") as folder:
         store = ox.Store(folder)
-        try:
-            store.bulk_load(file, format=ox.RdfFormat.TURTLE, base_iri=FLUENT)
-        except SyntaxError as problem:
-            raise InvalidInput(f"the import is not Turtle: {problem}") from None
-
-        def class_of(name: str) -> str:
-            for quad in store.quads_for_pattern(ox.NamedNode(FLUENT + name), a, None, None):
-                if isinstance(quad.object, ox.NamedNode):
-                    return quad.object.value
-            try:
-                return board.fluent(name).class_name
-            except UnknownFluent:
-                # RDF does not say what a reference that leads nowhere was meant to be.
-                return PREFIXES["upper"] + "Fluent"
-
-        for subject in _subjects(store):
-            quads = store.quads_for_pattern(subject, None, None, None)
-            triples = [quad.triple for quad in quads]
-            yield fluent_from_triples(triples, board.vocabulary, class_of)
-
-
-def _subjects(store: ox.Store) -> Iterator[ox.NamedNode]:
-    """Every subject once: the store keeps the triples of a subject together."""
-    last: object = None
-    for quad in store:
-        if quad.subject == last:
-            continue
-        last = quad.subject
-        if not isinstance(last, ox.NamedNode) or fluent_name(last.value) is None:
-            raise InvalidInput(
-                f"the import says something of {last}, which is no fluent: the IRI of a fluent "
-                f"begins with {FLUENT}. Ontologies are loaded with `fluentboard serve --ontology`"
+        waiting: list[ox.Quad] = []
+        for quad in _parsed(file, media_type):
+            if isinstance(quad.graph_name, ox.DefaultGraph) and _is_about_fluent(quad):
+                waiting.append(quad)
+                if len(waiting) >= _BATCH:
+                    store.bulk_extend(waiting)
+                    waiting = []
+                continue
+            subject, value = quad.subject, quad.object
+            graph = quad.graph_name
+            if isinstance(graph, ox.DefaultGraph):
+                if target is None:
+                    raise InvalidInput(
+                        f"the import says something of {subject}, which is no fluent: the IRI of a "
+                        f"fluent begins with {FLUENT}. Name a graph for such statements with "
+                        "?graph=IRI, or load an ontology with `fluentboard serve --ontology`"
+                    )
+                graph = target
+            elif isinstance(graph, ox.BlankNode):
+                raise InvalidRdf("the import has a graph without an IRI; give it one")
+            yield ox.Quad(
+                named(subject) if isinstance(subject, ox.BlankNode) else subject,
+                quad.predicate,
+                named(value) if isinstance(value, ox.BlankNode) else value,
+                graph,
             )
-        yield last
+        store.bulk_extend(waiting)
+        yield from _fluents(store, board)
+
+
+def _parsed(file: IO[bytes], media_type: str) -> Iterator[ox.Quad]:
+    try:
+        yield from ox.parse(file, format=_RDF_FORMATS[media_type], base_iri=FLUENT)
+    except (SyntaxError, ValueError) as problem:
+        raise InvalidRdf(f"the import does not parse as {media_type}: {problem}") from None
+
+
+def _is_about_fluent(quad: ox.Quad) -> bool:
+    return isinstance(quad.subject, ox.NamedNode) and fluent_name(quad.subject.value) is not None
+
+
+def _fluents(store: ox.Store, board: Blackboard) -> Iterator[Fluent]:
+    a = ox.NamedNode(RDF_TYPE)
+
+    def class_of(name: str) -> str:
+        for quad in store.quads_for_pattern(ox.NamedNode(FLUENT + name), a, None, None):
+            if isinstance(quad.object, ox.NamedNode):
+                return quad.object.value
+        try:
+            return board.fluent(name).class_name
+        except UnknownFluent:
+            # RDF does not say what a reference that leads nowhere was meant to be.
+            return PREFIXES["upper"] + "Fluent"
+
+    last: object = None
+    for first in store:  # which keeps the triples of a subject together
+        if first.subject == last:
+            continue
+        last = first.subject
+        triples = [quad.triple for quad in store.quads_for_pattern(first.subject, None, None, None)]
+        yield fluent_from_triples(triples, board.vocabulary, class_of)
 
 
 READERS: Mapping[str, Reader] = {
     YAML: _from_yaml,
     NDJSON: _from_json_lines,
-    TURTLE: _from_turtle,
+    **{media_type: partial(_from_rdf, media_type) for media_type in _RDF_FORMATS},
 }
 """By media type."""

@@ -282,6 +282,9 @@ class ImportReceipt(_Schema):
     commits: int = Field(description="How many commits it took.")
     fluents: int = Field(description="How many fluents were read.")
     changed: int = Field(description="How many of them were new, or said something new.")
+    statements: int = Field(
+        default=0, description="How many statements outside fluents the board did not say before."
+    )
     warnings: list[str] = Field(description="At most 100 of them.")
 
 

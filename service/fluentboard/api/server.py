@@ -180,6 +180,7 @@ class Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Says farewell to WebSockets, then stops."""
         self._app.frames.wake()
+        self._app.changes.wake()
         try:
             async with asyncio.timeout(self.config.timeout_graceful_shutdown):
                 await self._app.live.close()

@@ -245,9 +245,9 @@ class Blackboard:
         """Who changed what and when, at most `limit` commits of it, in order."""
         return self._journal.audit(wanted, limit)
 
-    def statements(self) -> Iterator[StatementsChanged]:
-        """What ontologies and graph updates have changed so far, in order."""
-        return (change for _, change in self._journal.statements(0))
+    def statements(self, up_to: int | None = None) -> Iterator[StatementsChanged]:
+        """What ontologies and graph updates have changed so far, or up to a commit, in order."""
+        return (change for _, change in self._journal.statements(0, up_to))
 
     def commit_at(self, wall_s: float) -> int:
         """Number of the last commit made at or before a wall-clock time."""

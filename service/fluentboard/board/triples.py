@@ -91,6 +91,13 @@ def fluent_lines(fluent: Fluent, vocabulary: Vocabulary) -> list[str]:
     return lines
 
 
+def timeless_lines(fluent: Fluent, vocabulary: Vocabulary) -> list[str]:
+    """The N-Triples lines of a fluent without its end points: its class and its properties."""
+    subject = f"<{FLUENT}{fluent.name}>"
+    first = f"{subject} {_TYPE} <{vocabulary.class_iri(fluent.class_name)}> .\n"
+    return [first, *_property_lines(subject, fluent.properties, vocabulary)]
+
+
 def event_lines(event: FluentEvent, vocabulary: Vocabulary) -> tuple[list[str], list[str]]:
     """The N-Triples lines that an event adds and removes."""
     after = event.after
