@@ -148,3 +148,31 @@ def test_prometheus_reads_the_metrics(address: str) -> None:
         address + "/metrics", headers={"Accept": "application/openmetrics-text"}, trust_env=False
     )
     assert openmetrics.text.endswith("# EOF\n")
+
+
+def test_an_editor_in_a_browser_may_ask(address: str) -> None:
+    """What YASGUI sends: a preflight where it has headers of its own, then the query as a form."""
+    origin = "https://yasgui.example.org"
+    asked = {
+        "Origin": origin,
+        "Access-Control-Request-Method": "POST",
+        "Access-Control-Request-Headers": "authorization,content-type",
+    }
+    preflight = httpx.options(address + "/sparql", headers=asked, trust_env=False)
+    assert preflight.status_code == 204
+    assert preflight.headers["access-control-allow-origin"] == origin
+    assert "POST" in preflight.headers["access-control-allow-methods"]
+    allowed = preflight.headers["access-control-allow-headers"].lower()
+    assert "authorization" in allowed
+    assert "content-type" in allowed
+    accept = "application/sparql-results+json,*/*;q=0.9"
+    headers = {"Origin": origin, "Accept": accept}
+    for reply in (
+        httpx.post(address + "/sparql", data={"query": MUGS}, headers=headers, trust_env=False),
+        httpx.get(address + "/sparql", params={"query": MUGS}, headers=headers, trust_env=False),
+    ):
+        assert reply.headers["access-control-allow-origin"] == origin
+        assert len(reply.json()["results"]["bindings"]) == 2
+    foreign = {**headers, "Origin": "https://evil.example"}
+    reply = httpx.get(address + "/sparql", params={"query": MUGS}, headers=foreign, trust_env=False)
+    assert "access-control-allow-origin" not in reply.headers
