@@ -29,6 +29,9 @@ from fluentboard_modules.mapping.voxel_cloud import VoxelCloud
 logger = logging.getLogger(__name__)
 
 
+_VOXEL_NOISE_M = 0.002
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Segment:
     """Voxels of one plane.
@@ -139,6 +142,8 @@ def _region(cloud: VoxelCloud, segment: _Segment, contours: ContourConfig) -> Pl
         rms_m=segment.rms_m,
         # Of many views only the mean direction is known; a metre along it faces the same side.
         sensor_position=origin + (towards / length if length > 0.0 else segment.normal),
+        # The mean of a voxel's points has little noise left.
+        excess_m2=segment.rms_m**2 - _VOXEL_NOISE_M**2,
     )
 
 

@@ -1,81 +1,134 @@
-"""`fluentboard evaluate mapping`: how much of simulated restaurants is found, and how exactly."""
+"""`fluentboard evaluate mapping`: the experiments of Section 3.3 on simulated rooms."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
+from rich.markdown import Markdown
 
-from fluentboard_modules.frames.sources import SIMULATED, open_source
-from fluentboard_modules.mapping.config import MappingConfig
-from fluentboard_modules.mapping.evaluation import (
-    Match,
-    Score,
-    compare,
-    score,
-    true_furniture,
-)
-from fluentboard_modules.mapping.furniture_item import FurnitureItem
-from fluentboard_modules.mapping.furniture_map import FurnitureMap
+from fluentboard.errors import InvalidInput
+from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
+from fluentboard_modules.frames.sources import open_source
+from fluentboard_modules.mapping.config import MappingConfig, VerificationConfig
+from fluentboard_modules.mapping.protocol import area_under_curve, table_lines
 from fluentboard_modules.mapping.rules import load_rules
-from fluentboard_modules.mapping.surfaces import detect_regions
+from fluentboard_modules.mapping.trials import MODES, Mode, Trial, run_trial, scene_library
 from fluentboard_modules.progress import FrameProgress
 from fluentboard_ontology import read as read_ontology
 
+SCENES = ("office", "seminar", "restaurant")
+"""The simulated rooms: the first two are those of the thesis."""
 
-def evaluate_mapping(seeds: Sequence[int]) -> None:
-    """Maps a simulated restaurant per seed and prints a table like Table 3.1.
+TITLES: dict[Mode, str] = {
+    "frames": "single frames",
+    "map": "all frames, with memory",
+    "scene": "registered scene",
+}
+
+
+def evaluate_mapping(
+    scenes: Sequence[str],
+    modes: Sequence[str],
+    seeds: Sequence[int],
+    n_frames: int,
+    output: Path | None = None,
+) -> None:
+    """Runs the trials and prints a table like Table 3.1 for each room and mode.
 
     Args:
-        seeds: of the restaurants and of their noise.
+        scenes: of `SCENES`.
+        modes: of `MODES`.
+        seeds: of the rooms and of their noise; several are several rooms.
+        n_frames: of each drive.
+        output: file for the same as JSON.
+
+    Raises:
+        InvalidInput: there is no such scene or mode.
     """
-    matches: list[Match[FurnitureItem]] = []
-    for seed in seeds:
-        matches += map_restaurant(seed)
-    classes = sorted({_class_name(match) for match in matches})
-    table = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
-    table.add_column("class")
-    for name in ("found", "invented", "missed", "F1", "mean error"):
-        table.add_column(name, justify="right")
-    for class_name in classes:
-        table.add_row(
-            class_name, *_cells(score([m for m in matches if _class_name(m) == class_name]))
-        )
-    table.add_row("all", *_cells(score(matches)), style="bold")
-    Console(highlight=False).print(table)
+    _check(scenes, SCENES, "scene")
+    _check(modes, MODES, "mode")
+    console = Console(highlight=False)
+    kept: list[dict[str, object]] = []
+    for scene in scenes:
+        for mode in MODES:
+            if mode not in modes:
+                continue
+            for seed in seeds:
+                trial = simulated_trial(scene, mode, seed, n_frames)
+                title = f"{scene}, seed {seed}: {TITLES[mode]} ({trial.n_frames} frames)"
+                console.print(f"\n[bold]{title}[/bold]")
+                console.print(Markdown("\n".join(table_lines(trial.rows, {}))))
+                console.print(_notes(trial))
+                kept.append({"title": title, **_summary(trial)})
+    if output is not None:
+        output.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
-def map_restaurant(seed: int) -> list[Match[FurnitureItem]]:
-    """Maps the restaurant of that seed and compares what was found with what is there."""
-    config = MappingConfig()
+def simulated_trial(scene: str, mode: Mode, seed: int, n_frames: int) -> Trial:
+    """One room and mode, with the CAD models of what stands there."""
+    source = open_source(f"sim:{scene}?seed={seed}&frames={n_frames}")
     rules = load_rules(read_ontology("furniture"))
-    source = open_source(f"{SIMULATED}:{seed}")
-    furniture_map = FurnitureMap(rules, config.furniture, config.surfaces.noise)
+    truth = source.scene  # type: ignore[attr-defined]
+    library = scene_library(truth, [furniture.name for furniture in rules.furniture_classes])
+    # As in the thesis: every class that there is has a CAD model, and no other class is looked for.
+    config = MappingConfig(verification=VerificationConfig(generic_models=False))
     with FrameProgress() as progress:
-        progress.begin(f"seed {seed}", len(source))
-        for frame in source:
-            regions = detect_regions(frame, config.surfaces)
-            furniture_map.update(frame, regions, rules.classify(regions))
-            progress.advance(f"{len(furniture_map.furniture())} pieces")
-    known = {furniture.name for furniture in rules.furniture_classes}
-    true = true_furniture(source.scene, known)  # type: ignore[attr-defined]
-    return compare(furniture_map.furniture(), true)
+        progress.begin(f"{scene} {mode}", len(source))
+        return run_trial(_shown(source, progress), truth, mode, rules, library, config)
 
 
-def _class_name(match: Match[FurnitureItem]) -> str:
-    placed = match.found or match.true
-    assert placed is not None
-    return placed.class_name
+class _Shown:
+    """A source whose frames move a progress bar."""
+
+    def __init__(self, source: FrameSource, progress: FrameProgress) -> None:
+        self._source, self._progress = source, progress
+        self.name = source.name
+
+    def __len__(self) -> int:
+        return len(self._source)
+
+    def __iter__(self) -> Iterator[SensorFrame]:
+        for frame in self._source:
+            yield frame
+            self._progress.advance("")
 
 
-def _cells(result: Score) -> tuple[str, str, str, str, str]:
-    error = result.mean_distance_m
-    return (
-        str(result.true_positives),
-        str(result.false_positives),
-        str(result.false_negatives),
-        f"{100.0 * result.f1:.1f} %",
-        "" if math.isnan(error) else f"{100.0 * error:.1f} cm",
-    )
+def _shown(source: FrameSource, progress: FrameProgress) -> FrameSource:
+    return _Shown(source, progress)
+
+
+def _check(given: Sequence[str], known: Sequence[str], what: str) -> None:
+    for name in given:
+        if name not in known:
+            raise InvalidInput(f"no {what} {name!r} to evaluate; give {', '.join(known)}")
+
+
+def _notes(trial: Trial) -> str:
+    times = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in trial.seconds.items())
+    auc = area_under_curve(trial.scores)
+    return times + (f"; score: area under the ROC curve {auc:.3f}" if trial.scores else "")
+
+
+def _summary(trial: Trial) -> dict[str, object]:
+    return {
+        "rows": {
+            model: {
+                "true_positives": row.true_positives,
+                "false_positives": row.false_positives,
+                "false_negatives": row.false_negatives,
+                "initial_m": row.initial_m,
+                "initial_rad": row.initial_rad,
+                "final_m": row.final_m,
+                "final_rad": row.final_rad,
+                "precision": row.precision,
+                "recall": row.recall,
+                "f1": row.f1,
+            }
+            for model, row in trial.rows.items()
+        },
+        "seconds": trial.seconds,
+        "area_under_curve": area_under_curve(trial.scores) if trial.scores else None,
+    }
