@@ -324,8 +324,8 @@ class VerificationConfig(_Settings):
     )
     alignment: AlignmentConfig = AlignmentConfig()
     visibility: VisibilityConfig = VisibilityConfig()
-    views_max: int = Field(default=6, ge=1, description="Views that a placement is judged by.")
-    starts_max: int = Field(default=4, ge=1, description="Starts of the ICP, the best first.")
+    views_max: int = Field(default=5, ge=1, description="Views that a placement is judged by.")
+    starts_max: int = Field(default=3, ge=1, description="Starts of the ICP, the best first.")
     crop_margin_m: float = Field(
         default=0.25, gt=0.0, description="Scene points so far around the model take part."
     )

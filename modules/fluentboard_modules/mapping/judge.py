@@ -98,6 +98,7 @@ class FurnitureJudge:
         return None if ruling is None else ruling.verdicts
 
     def _rule(self, case: Case) -> _Ruling:
+        before = self._rulings.get(case.key)
         verdicts = verify(
             case.class_name,
             case.geometry,
@@ -105,6 +106,7 @@ class FurnitureJudge:
             self._views.since(),
             self._library,
             self._config,
+            before.verdicts[0] if before is not None and len(before.verdicts) == 1 else None,
         )
         return _Ruling(case, verdicts)
 

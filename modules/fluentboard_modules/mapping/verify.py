@@ -33,6 +33,7 @@ _LEVEL = 0.7  # of a normal's z: above, a face is level
 _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
 _ROW_MAX = 12  # models side by side
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
+_HOPELESS = 0.2  # nothing is aligned below this closeness
 _SETTLED_SCORE = 0.9  # nothing is searched from here on
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
 
@@ -80,6 +81,7 @@ def verify(
     views: Sequence[DepthView],
     library: CadLibrary,
     config: VerificationConfig,
+    prior: Verdict | None = None,
 ) -> tuple[Verdict, ...]:
     """The best model for a hypothesis, its pose, and whether it holds.
 
@@ -92,6 +94,8 @@ def verify(
         views: depth images that may show it.
         library: CAD models; a class without any is tried with a generic model.
         config: of the comparison.
+        prior: what an earlier look found for the same hypothesis; if that fitted well, only its
+            model and its place are tried again.
 
     Returns:
         One verdict, or several of models side by side; none if there is nothing to compare: no
@@ -108,6 +112,13 @@ def verify(
     if not models:
         generic = generic_model(class_name, geometry, parts)
         return () if generic is None else (_judge_generic(generic, geometry, chosen, config),)
+    if prior is not None and prior.model.is_exact and prior.score >= _SETTLED_SCORE:
+        again = possible_starts(prior.model, geometry, parts, config)[:1]
+        verdict = _best_of(
+            prior.model, [*again, prior.standing], chosen, config, geometry, reach_m=0.3
+        )
+        if verdict.is_accepted and again:
+            return (verdict,)
     tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
     return max(tried, key=_goodness, default=())
 
@@ -154,10 +165,10 @@ def _try_model(
     rows = possible_rows(model, geometry, parts, config)
     if not rows:
         return ()
-    quick = views[:3]
+    quick, coarse = views[:3], _coarse(config)
 
     def closeness(row: Sequence[Standing]) -> float:
-        looks = (compare_with_views(model, s.transform, quick, config.visibility) for s in row)
+        looks = (compare_with_views(model, s.transform, quick, coarse.visibility) for s in row)
         return sum(looks, Visibility()).closeness(config.visibility)
 
     best = max(rows, key=closeness)
@@ -180,10 +191,15 @@ def _best_of(
 ) -> Verdict:
     """The best place that ICP finds from any of the starts, or a start itself if that is better."""
     initial = _look(model, starts[0], views, config)
-    if len(starts) > config.starts_max:
-        quick = views[: min(3, len(views))]
-        starts = sorted(starts, key=lambda start: -_look(model, start, quick, config).closeness)
     best, covariance = initial, np.diag([0.1, 0.1, 0.2]) ** 2
+    if len(starts) > config.starts_max:
+        quick, coarse = views[:3], _coarse(config)
+        rated = [
+            (_look(model, start, quick, coarse).closeness, -k) for k, start in enumerate(starts)
+        ]
+        rated.sort(reverse=True)
+        # Nothing near is like the model: ICP would not help.
+        starts = [starts[-k] for closeness, k in rated if closeness >= _HOPELESS]
     for start in starts[: config.starts_max]:
         points = _points_around(model, start, views, config)
         aligned = align(points, model, start, config.alignment)
@@ -215,10 +231,18 @@ def _best_of(
     )
 
 
+def _coarse(config: VerificationConfig) -> VerificationConfig:
+    """For first looks: every other pixel in both directions."""
+    visibility = config.visibility.model_copy(update={"pixel_step": 2})
+    return config.model_copy(update={"visibility": visibility})
+
+
 def _searched(
     model: CadModel, best: _Trial, views: Sequence[DepthView], config: VerificationConfig
 ) -> _Trial:
     """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
+    if best.closeness < _HOPELESS:
+        return best
     for step in _SEARCH_STEPS_M:
         for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
             trial = _look(model, best.standing.moved(dx, dy, 0.0), views, config)
