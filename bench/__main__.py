@@ -20,6 +20,7 @@ SCRIPTS = (
     "subscriptions",
     "kills",
     "mapping_scene",
+    "furniture",
     "simulator",
 )
 _FOLDER = Path(__file__).resolve().parent

@@ -23,6 +23,7 @@ class Report:
         ratios: per peer, the median of (peer's time / our time): above 1 we are faster.
         target: the target of the design, in words, or "".
         notes: what a reader must know to judge the numbers.
+        table: lines of a table to show instead of the medians, for results that are no times.
     """
 
     title: str
@@ -31,22 +32,27 @@ class Report:
     ratios: dict[str, float]
     target: str = ""
     notes: list[str] = field(default_factory=list)
+    table: list[str] = field(default_factory=list)
 
     def markdown(self) -> str:
         """The report as a section of docs/benchmarks.md."""
         lines = [f"## {self.title}", ""]
         if self.target:
             lines += [f"Target: {self.target}.", ""]
-        lines += [
+        lines += self.table or self._medians()
+        lines.append("")
+        lines += [f"{note}" for note in self.notes]
+        return "\n".join(lines).rstrip() + "\n"
+
+    def _medians(self) -> list[str]:
+        lines = [
             f"| candidate | median, {self.unit} | fluentboard is faster by |",
             "| --- | --- | --- |",
         ]
         for name, value in self.medians.items():
             ratio = self.ratios.get(name)
             lines.append(f"| {name} | {value:,.4g} | {'' if ratio is None else f'{ratio:.2f} x'} |")
-        lines.append("")
-        lines += [f"{note}" for note in self.notes]
-        return "\n".join(lines).rstrip() + "\n"
+        return lines
 
 
 def compare(
