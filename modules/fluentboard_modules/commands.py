@@ -103,6 +103,14 @@ def work_mapping(
             "such as Chair.stl or Shelf/billy.dae: hypotheses are verified with them.",
         ),
     ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write the mesh of the room there (.ply, .glb), with the CAD models in place of "
+            "what they explain.",
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(help="Of whatever is random; mapping draws no random numbers.")
     ] = 0,
@@ -127,6 +135,7 @@ def work_mapping(
         frame_out=frame_out,
         token=token,
         models=models,
+        mesh=mesh,
     )
     typer.echo(
         f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "

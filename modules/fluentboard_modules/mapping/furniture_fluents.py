@@ -24,6 +24,7 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
+from fluentboard_modules.mapping.area_fluents import WrittenArea, area_fluents, floor_areas
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, box_overlap
 from fluentboard_modules.mapping.plane_fluents import plane_fluents
 
@@ -101,6 +102,8 @@ class Written:
         area: name of the placing area, or empty.
         area_parts: names of its present box and box-pose fluents.
         rules: written as its explanation.
+        areas: on the floor at it.
+        model: the CAD model that was written.
     """
 
     name: str
@@ -113,6 +116,8 @@ class Written:
     area: str = ""
     area_parts: tuple[str, ...] = ()
     rules: tuple[str, ...] = ()
+    areas: tuple[WrittenArea, ...] = ()
+    model: str = ""
     written_s: float | None = None
 
 
@@ -200,9 +205,9 @@ class FurnitureFluents:
 
     def _introduction(self, name: str, item: FurnitureItem) -> tuple[Written, list[Statement]]:
         start = Interval(None, item.first_seen_s)
-        parts, links = _geometry(name, item.pose, item.box, 0, start)
+        parts, links = _geometry(name, item, 0, start)
         planes, plane_links = plane_fluents(_plane_name(name, 0), item, start)
-        properties = (*links, *plane_links, *_rules(item.rules))
+        properties = (*links, *plane_links, *_rules(item.rules), *_fit(item, ""))
         known = Written(
             name,
             self._estimate(item),
@@ -213,10 +218,12 @@ class FurnitureFluents:
             plane_frames=item.n_frames,
             rules=item.rules,
             written_s=item.last_seen_s,
+            model=item.cad.model if item.cad is not None else "",
         )
         thing = Fluent(name, item.class_name, start, UNKNOWN, properties)
         known, area = _placed(known, item, start)
-        return known, [thing, *parts, *planes, *area]
+        known, on_floor = self._on_the_floor(known, item, start)
+        return known, [thing, *parts, *planes, *area, *on_floor]
 
     def _revision(
         self, known: Written, item: FurnitureItem, final: bool
@@ -239,10 +246,11 @@ class FurnitureFluents:
             return known, []
         change = Interval(known.confirmed_s, item.last_seen_s)
         generation = known.generation + 1
-        parts, links = _geometry(known.name, item.pose, item.box, generation, change)
+        fit = _fit(item, known.model)
+        parts, links = _geometry(known.name, item, generation, change)
         statements: list[Statement] = [
             *parts,
-            Fluent(known.name, item.class_name, properties=(*links, *_rules(new_rules))),
+            Fluent(known.name, item.class_name, properties=(*links, *_rules(new_rules), *fit)),
             *(Ending(part, change) for part in known.parts),
         ]
         known = replace(
@@ -252,10 +260,23 @@ class FurnitureFluents:
             generation=generation,
             parts=_names(parts),
             rules=(*known.rules, *new_rules),
+            model=item.cad.model if item.cad is not None else known.model,
             written_s=item.last_seen_s,
         )
         known, area = _placed(known, item, change)
-        return known, [*statements, *area]
+        known, on_floor = self._on_the_floor(known, item, change)
+        return known, [*statements, *area, *on_floor]
+
+    def _on_the_floor(
+        self, known: Written, item: FurnitureItem, since: Interval
+    ) -> tuple[Written, list[Statement]]:
+        """The areas on the floor at a piece, new or with new boxes."""
+        areas = floor_areas(item, self.symmetry_order.get(item.class_name, 1))
+        written, fluents, ended = area_fluents(
+            known.name, item, areas, known.areas, known.generation, since
+        )
+        endings = [Ending(name, since) for name in ended]
+        return replace(known, areas=written), [*fluents, *endings]
 
     def _is_resting(self, known: Written, estimate: Estimate, now_s: float) -> bool:
         """Whether it was written a moment ago and has not changed much since."""
@@ -272,6 +293,7 @@ def _retraction(known: Written, now_s: float) -> list[Statement]:
         return []
     finish = Interval(known.confirmed_s, now_s)
     names = [known.name, *known.parts, *known.planes, *known.area_parts]
+    names += [name for area in known.areas for name in (*area.parts, area.name)]
     return [Ending(name, finish) for name in (*names, *filter(None, [known.area]))]
 
 
@@ -316,13 +338,14 @@ def _surface(space: BoundingBox) -> BoundingBox:
 
 
 def _geometry(
-    name: str, pose: Pose, box: BoundingBox, generation: int, start: Interval
+    name: str, item: FurnitureItem, generation: int, start: Interval
 ) -> tuple[list[Fluent], tuple[Property, ...]]:
     """Pose, box and box-pose fluents of Listing 4.1, and the properties that refer to them."""
     stem = f"{_capitalised(name)}_{generation}"
+    pose = pose_fluent(f"pose{stem}", item.pose, start)
     fluents = [
-        pose_fluent(f"pose{stem}", pose, start),
-        *box_fluents(f"bBox{stem}", f"poseBB{stem}", box, start),
+        replace(pose, properties=(*pose.properties, *_deviations(item))),
+        *box_fluents(f"bBox{stem}", f"poseBB{stem}", item.box, start),
     ]
     links = (
         Property("hasPose", "Pose", f"pose{stem}"),
@@ -337,6 +360,27 @@ def _plane_name(name: str, number: int) -> str:
 
 def _rules(rules: Iterable[str]) -> tuple[Property, ...]:
     return tuple(Property("isExplainedByRule", "xsd:string", rule) for rule in rules)
+
+
+def _fit(item: FurnitureItem, known_model: str) -> tuple[Property, ...]:
+    """The CAD model and how well it fits, when it is a new one."""
+    if item.cad is None or item.cad.model == known_model:
+        return ()
+    return (
+        Property("hasCadModel", "xsd:string", item.cad.model),
+        Property("hasFitScore", "xsd:double", round(item.cad.score, 4)),
+    )
+
+
+def _deviations(item: FurnitureItem) -> tuple[Property, ...]:
+    """How uncertain a verified pose is, as standard deviations."""
+    if item.cad is None:
+        return ()
+    xx, yy, yaw = np.diag(item.cad.covariance).tolist()
+    return (
+        Property("hasPositionDeviation", "xsd:double", round(math.sqrt(0.5 * (xx + yy)), 4)),
+        Property("hasYawDeviation", "xsd:double", round(math.sqrt(yaw), 4)),
+    )
 
 
 def _names(fluents: Iterable[Fluent]) -> tuple[str, ...]:

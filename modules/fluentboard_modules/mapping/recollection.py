@@ -10,7 +10,10 @@ from fluentboard.errors import FluentboardError
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
 from fluentboard_modules.geometry_fluents import box_of, pose_of
+from fluentboard_modules.mapping.area_fluents import WrittenArea
 from fluentboard_modules.mapping.furniture_fluents import Estimate, Written
+
+FLOOR_AREAS = ("SittingArea", "ManipulationArea")
 
 logger = logging.getLogger(__name__)
 
@@ -59,10 +62,23 @@ def recollect(known: Iterable[Fluent], geometry: Mapping[str, Fluent]) -> list[W
                 area_parts=tuple(
                     name for part in area_boxes for name in (part.name, *_pose_names(part))
                 ),
+                areas=_floor_areas(thing.name, geometry),
+                model=str(next(iter(thing.values("hasCadModel")[-1:]), "")),
                 rules=tuple(str(rule) for rule in thing.values("isExplainedByRule")),
             )
         )
     return found
+
+
+def _floor_areas(owner: str, geometry: Mapping[str, Fluent]) -> tuple[WrittenArea, ...]:
+    found: list[WrittenArea] = []
+    for name in sorted(geometry):
+        area = geometry[name]
+        if area.class_name in FLOOR_AREAS and owner in map(str, area.values("isAreaOf")):
+            boxes = _open_ones(area, "hasBoundingBox", geometry)
+            parts = tuple(part for box in boxes for part in (box.name, *_pose_names(box)))
+            found.append(WrittenArea(name, area.class_name, parts))
+    return tuple(found)
 
 
 def _open_ones(thing: Fluent, relation: str, by_name: Mapping[str, Fluent]) -> list[Fluent]:

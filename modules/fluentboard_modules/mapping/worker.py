@@ -30,8 +30,10 @@ from fluentboard_modules.mapping.map_frame import (
     read_gravity,
     write_transform,
 )
-from fluentboard_modules.mapping.recollection import recollect
+from fluentboard_modules.mapping.model_map import with_models
+from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.rules import load_rules
+from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.progress import FrameProgress
 from fluentboard_modules.worker import WorkReport, run, stop_on_signals
@@ -49,6 +51,7 @@ class MappingModule:
         config: of the algorithms.
         update: how much has to change before the board is told.
         library: CAD models that hypotheses are verified with.
+        keeps_mesh: whether the surfaces are fused for `mesh`.
     """
 
     name = "mapping"
@@ -61,6 +64,7 @@ class MappingModule:
         config: MappingConfig | None = None,
         update: UpdateConfig | None = None,
         library: CadLibrary | None = None,
+        keeps_mesh: bool = False,
     ) -> None:
         self._source = source
         self._T_map_world = T_map_world
@@ -76,6 +80,8 @@ class MappingModule:
                 for furniture in self._rules.furniture_classes
             },
         )
+        self._library = library or CadLibrary()
+        self._mesh = SceneMesh(self._config.mesh) if keeps_mesh else None
         self._first_s: float | None = None
         self._last_s = 0.0
         self._album = Album()
@@ -100,7 +106,7 @@ class MappingModule:
         known = list(board.fluents("Furniture", is_open=True))
         geometry = {
             fluent.name: fluent
-            for class_name in ("Pose", "BBox", "PlacingArea", "Plane")
+            for class_name in ("Pose", "BBox", "PlacingArea", *FLOOR_AREAS, "Plane")
             for fluent in board.fluents(class_name, is_open=True)
         }
         ended = board.fluents("Furniture", is_open=False)
@@ -124,6 +130,8 @@ class MappingModule:
         self._first_s = frame.stamp_s if self._first_s is None else self._first_s
         self._last_s = frame.stamp_s
         self._album.add(frame)
+        if self._mesh is not None:
+            self._mesh.add(frame)
         return self._written(final=False)
 
     def finish(self) -> Sequence[Command]:
@@ -153,6 +161,11 @@ class MappingModule:
             drawn.append(directory / "view.png")
         return drawn
 
+    def mesh(self) -> SurfaceMesh:
+        """The surfaces seen so far, with CAD models in place of what they explain."""
+        seen = self._mesh.mesh() if self._mesh is not None else joined([])
+        return with_models(seen, self.furniture, self._library)
+
     def _written(self, *, final: bool) -> list[Command]:
         self._fluents, statements = self._fluents.update(
             self._map.furniture(), self._last_s, final=final
@@ -180,6 +193,7 @@ def run_mapping(
     frame_out: Path | None = None,
     token: str | None = None,
     models: Path | None = None,
+    mesh: Path | None = None,
 ) -> WorkReport:
     """Maps a source to its end, or until told to stop.
 
@@ -192,6 +206,7 @@ def run_mapping(
         frame_out: file for the map frame.
         token: bearer token for the board.
         models: folder of CAD models named after furniture classes.
+        mesh: file for the mesh of the room with the CAD models in it (.ply, .glb).
 
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
@@ -205,12 +220,20 @@ def run_mapping(
         )
         if frame_out is not None:
             write_transform(frame_out, T_map_world)
-        module = MappingModule(source.name, T_map_world, config, library=_library(models))
+        module = MappingModule(
+            source.name,
+            T_map_world,
+            config,
+            library=_library(models),
+            keeps_mesh=mesh is not None,
+        )
         with Client(board, author=module.name, token=token) as client, FrameProgress() as progress:
             report = run(module, source, client, progress=progress, stop=stop)
         if plot is not None:
             plot.mkdir(parents=True, exist_ok=True)
             module.draw(plot)
+        if mesh is not None:
+            write_mesh(module.mesh(), mesh)
     return report
 
 
