@@ -74,6 +74,11 @@ def register(app: typer.Typer) -> None:
     anchoring_commands.register(train, evaluate)
     app.add_typer(train, name="train")
     app.command(
+        "learn-furniture",
+        epilog="Examples:\n\nfluentboard learn-furniture bar_table.stl --class BarTable\n\n"
+        "fluentboard work mapping --frames ./bar --ontology BarTable.ttl",
+    )(learn_furniture)
+    app.command(
         "demo",
         epilog="Examples:\n\nfluentboard demo\n\nfluentboard demo --keep\n\n"
         "fluentboard demo --frames ./kitchen --gravity ./kitchen/gravity-direction.txt",
@@ -101,6 +106,14 @@ def work_mapping(
             metavar="DIR",
             help="CAD models (STL, OBJ, PLY, glTF, COLLADA, SDF) named after furniture classes, "
             "such as Chair.stl or Shelf/billy.dae: hypotheses are verified with them.",
+        ),
+    ] = None,
+    ontology: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="More classes of furniture in Turtle, as learn-furniture writes them; may be "
+            "repeated.",
         ),
     ] = None,
     mesh: Annotated[
@@ -136,6 +149,7 @@ def work_mapping(
         token=token,
         models=models,
         mesh=mesh,
+        ontologies=ontology or (),
     )
     typer.echo(
         f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "
@@ -224,6 +238,38 @@ def work_anchoring(
         f"commands written, commit {report.commit}" + (" (stopped)" if report.was_stopped else ""),
         err=True,
     )
+
+
+def learn_furniture(
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL",
+            help="A CAD file (STL, OBJ, PLY, glTF, COLLADA, SDF), z up and its front along +x.",
+        ),
+    ],
+    class_name: Annotated[
+        str, typer.Option("--class", metavar="NAME", help="Of the new class, such as BarTable.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Default: NAME.ttl."),
+    ] = None,
+) -> None:
+    """Learn a class of furniture from its CAD model.
+
+    Measures the model's planes and writes a class with its definition and SWRL rules as Turtle,
+    with the thesis's margin of 5 cm (Section 3.2.2). Give the file to work mapping --ontology.
+    """
+    with needs_extra("mapping"):
+        from fluentboard_modules.mapping.cad_library import stood_up
+        from fluentboard_modules.mapping.cad_models import CadModel
+        from fluentboard_modules.mapping.learning import learn_furniture as learn
+        from fluentboard_modules.simulation.cad import load_mesh
+    cad = CadModel(model.stem, class_name, stood_up(load_mesh(model), str(model)))
+    path = output or Path(f"{class_name}.ttl")
+    path.write_text(learn(cad, class_name), encoding="utf-8")
+    typer.echo(f"{path}: class {class_name} with its rules", err=True)
 
 
 def demo(

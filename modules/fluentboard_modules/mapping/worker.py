@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from fluentboard.errors import InvalidOntology
 from fluentboard.model.geometry import Transform
 from fluentboard_client import AssertFluent, Client, Command, EndFluent, Event
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -32,7 +33,7 @@ from fluentboard_modules.mapping.map_frame import (
 )
 from fluentboard_modules.mapping.model_map import with_models
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
-from fluentboard_modules.mapping.rules import load_rules
+from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
 from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.progress import FrameProgress
@@ -52,6 +53,7 @@ class MappingModule:
         update: how much has to change before the board is told.
         library: CAD models that hypotheses are verified with.
         keeps_mesh: whether the surfaces are fused for `mesh`.
+        rules: the furniture ontology, by default our own.
     """
 
     name = "mapping"
@@ -65,11 +67,12 @@ class MappingModule:
         update: UpdateConfig | None = None,
         library: CadLibrary | None = None,
         keeps_mesh: bool = False,
+        rules: FurnitureRules | None = None,
     ) -> None:
         self._source = source
         self._T_map_world = T_map_world
         self._config = config or MappingConfig()
-        self._rules = load_rules(read_ontology("furniture"))
+        self._rules = rules or load_rules(read_ontology("furniture"))
         noise = self._config.surfaces.noise
         judge = FurnitureJudge(library or CadLibrary(), self._config.verification, noise)
         self._map = FurnitureMap(self._rules, self._config.furniture, noise, judge)
@@ -194,6 +197,7 @@ def run_mapping(
     token: str | None = None,
     models: Path | None = None,
     mesh: Path | None = None,
+    ontologies: Sequence[Path] = (),
 ) -> WorkReport:
     """Maps a source to its end, or until told to stop.
 
@@ -207,11 +211,13 @@ def run_mapping(
         token: bearer token for the board.
         models: folder of CAD models named after furniture classes.
         mesh: file for the mesh of the room with the CAD models in it (.ply, .glb).
+        ontologies: files in Turtle with more classes of furniture.
 
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
     """
     config = MappingConfig()
+    rules = load_rules("\n".join([read_ontology("furniture"), *map(_text, ontologies)]))
     with stop_on_signals() as stop:
         source, T_map_world = place(
             open_source(frames, start_s=start_s, token=token),
@@ -224,8 +230,9 @@ def run_mapping(
             source.name,
             T_map_world,
             config,
-            library=_library(models),
+            library=_library(models, rules),
             keeps_mesh=mesh is not None,
+            rules=rules,
         )
         with Client(board, author=module.name, token=token) as client, FrameProgress() as progress:
             report = run(module, source, client, progress=progress, stop=stop)
@@ -237,10 +244,14 @@ def run_mapping(
     return report
 
 
-def _library(models: Path | None) -> CadLibrary:
+def _library(models: Path | None, rules: FurnitureRules) -> CadLibrary:
     if models is None:
         return CadLibrary()
-    classes = [
-        furniture.name for furniture in load_rules(read_ontology("furniture")).furniture_classes
-    ]
-    return load_library(models, classes)
+    return load_library(models, [furniture.name for furniture in rules.furniture_classes])
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InvalidOntology(f"{path} cannot be read: {error.strerror}") from error
