@@ -8,7 +8,7 @@ from fluentboard_modules.mapping.protocol import area_under_curve, table_lines
 from fluentboard_modules.mapping.trials import Mode
 
 _SEED = 1
-_FRAMES: dict[Mode, int] = {"frames": 50, "map": 90, "scene": 60}
+_FRAMES: dict[Mode, int] = {"frames": 24, "map": 70}
 _NAMES = {
     "shelf_800_380_1860_5000": "Shelf",
     "office_chair_470": "OfficeChair",
