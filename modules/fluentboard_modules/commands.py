@@ -116,6 +116,13 @@ def work_mapping(
             "repeated.",
         ),
     ] = None,
+    reasoner: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="compiled, or pellet: the reasoner of the thesis, seconds per frame.",
+        ),
+    ] = "compiled",
     mesh: Annotated[
         Path | None,
         typer.Option(
@@ -150,6 +157,7 @@ def work_mapping(
         models=models,
         mesh=mesh,
         ontologies=ontology or (),
+        reasoner=reasoner,
     )
     typer.echo(
         f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "

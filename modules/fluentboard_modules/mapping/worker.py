@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fluentboard.errors import InvalidOntology
+from fluentboard.errors import InvalidInput, InvalidOntology
 from fluentboard.model.geometry import Transform
 from fluentboard_client import AssertFluent, Client, Command, EndFluent, Event
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -32,6 +32,7 @@ from fluentboard_modules.mapping.map_frame import (
     write_transform,
 )
 from fluentboard_modules.mapping.model_map import with_models
+from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
 from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
@@ -198,6 +199,7 @@ def run_mapping(
     models: Path | None = None,
     mesh: Path | None = None,
     ontologies: Sequence[Path] = (),
+    reasoner: str = "compiled",
 ) -> WorkReport:
     """Maps a source to its end, or until told to stop.
 
@@ -212,12 +214,20 @@ def run_mapping(
         models: folder of CAD models named after furniture classes.
         mesh: file for the mesh of the room with the CAD models in it (.ply, .glb).
         ontologies: files in Turtle with more classes of furniture.
+        reasoner: `compiled` or `pellet`, which reads our own ontology only.
 
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
     """
     config = MappingConfig()
     rules = load_rules("\n".join([read_ontology("furniture"), *map(_text, ontologies)]))
+    if reasoner == "pellet" and not ontologies:
+        rules = FurnitureRules(rules.rules, PelletReasoner(rules.rules))
+    elif reasoner != "compiled":
+        raise InvalidInput(
+            f"reasoner {reasoner!r}: give compiled, or pellet without --ontology, which it cannot "
+            "read yet"
+        )
     with stop_on_signals() as stop:
         source, T_map_world = place(
             open_source(frames, start_s=start_s, token=token),
