@@ -85,6 +85,10 @@ class StorageSettings(_Section):
     ontologies: tuple[Path, ...] = Field(
         default=(), description="Turtle or RDF/XML files to load on top of the built-in ontologies."
     )
+    shapes: tuple[Path, ...] = Field(
+        default=(),
+        description="Files of SHACL shapes; a write that violates one is refused.",
+    )
     builtin_ontologies: bool = Field(
         default=True, description="Load the ontologies upper, race and furniture."
     )

@@ -144,6 +144,13 @@ class NotARefinement(FluentboardError):
     http_status = 409
 
 
+class ShapeViolation(FluentboardError):
+    """A write violates a SHACL shape of the board; nothing was stored."""
+
+    code = "shape-violation"
+    http_status = 422
+
+
 class VersionMismatch(FluentboardError):
     """Somebody else changed the fluent since the caller read it."""
 

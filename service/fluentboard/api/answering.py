@@ -11,6 +11,7 @@ from typing import IO, Literal, Protocol, cast
 import pyoxigraph as ox
 
 from fluentboard.api.negotiation import Offer, negotiated
+from fluentboard.api.operations import Content
 from fluentboard.api.results import ResultSink
 from fluentboard.board.store import GraphName, QueryResults
 from fluentboard.board.time_functions import mentions_functions
@@ -46,6 +47,16 @@ GRAPH_OFFERS = (
     Offer("application/xml", ox.RdfFormat.RDF_XML),
 )
 """What the result of a CONSTRUCT or DESCRIBE can be written as, the preferred first."""
+
+
+def result_content(media_type: str) -> Content:
+    """How a result in a media type is described; `application/json` is a table or JSON-LD."""
+    if media_type == _JSON:
+        return Content({"type": "object"})
+    if media_type.endswith("json"):
+        return Content({"type": ["object", "array"]})
+    return Content({"type": "string"})
+
 
 DEFAULT_GRAPH = "urn:x-arq:DefaultGraph"
 """Stands for the default graph where the IRI of a graph is asked for, as in Apache Jena."""

@@ -22,6 +22,7 @@ from fluentboard.errors import (
     InvalidYaml,
     NotAcceptable,
     NotARefinement,
+    ShapeViolation,
     StorageFailed,
     TooLarge,
     UnknownClass,
@@ -92,6 +93,7 @@ _FLUENT_ERRORS = (
     UnsupportedMediaType,
     StorageFailed,
     IdempotencyConflict,
+    ShapeViolation,
 )
 
 

@@ -11,7 +11,7 @@ from urllib.parse import quote, urljoin
 import pyoxigraph as ox
 
 from fluentboard.api import parameters
-from fluentboard.api.answering import GRAPH_OFFERS, Question
+from fluentboard.api.answering import GRAPH_OFFERS, Question, result_content
 from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, json_reply
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
@@ -161,7 +161,7 @@ class GraphStoreRoutes:
             with_parameters: whether parameters name the graph, or the path does.
             tag: the group they belong to.
         """
-        graph = {offer.media_type: Content({"type": "string"}) for offer in GRAPH_OFFERS}
+        graph = {offer.media_type: result_content(offer.media_type) for offer in GRAPH_OFFERS}
         body = {media_type: Content({"type": "string"}) for media_type in PROPER_FORMATS}
         body[MULTIPART] = Content({"type": "string"})
         receipt = Content({"type": "object"}, {"commit": 12, "added": 3, "removed": 0})

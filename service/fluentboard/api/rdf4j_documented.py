@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from fluentboard.api.answering import SOLUTION_OFFERS
+from fluentboard.api.answering import SOLUTION_OFFERS, result_content
 from fluentboard.api.exchange import Handler
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.rdf_bodies import PROPER_FORMATS, InvalidRdf
@@ -69,8 +69,8 @@ _INFER = Parameter("infer", "`false`: without the class hierarchy.", {"type": "b
 _BASE = Parameter("baseURI", "What relative IRIs are relative to.", _TEXT, "<http://example.org/>")
 
 
-_TABLES = {offer.media_type: Content(_TEXT) for offer in SOLUTION_OFFERS}
-_STATEMENTS = {offer.media_type: Content(_TEXT) for offer in STATEMENT_OFFERS}
+_TABLES = {offer.media_type: result_content(offer.media_type) for offer in SOLUTION_OFFERS}
+_STATEMENTS = {offer.media_type: result_content(offer.media_type) for offer in STATEMENT_OFFERS}
 _PLAIN = {"text/plain": Content(_TEXT)}
 _QUERIES = {_FORM: Content({"type": "object"}), _QUERY: Content(_TEXT, "ASK {}")}
 _DOCUMENTS = {media_type: Content(_TEXT) for media_type in PROPER_FORMATS}

@@ -57,6 +57,7 @@ def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> 
             ontologies=storage.ontologies,
             builtin_ontologies=storage.builtin_ontologies,
             endpoint=endpoint,
+            shapes=storage.shapes,
         ) as board:
             run(board, settings, listener, announce)
     finally:

@@ -8,7 +8,13 @@ from urllib.parse import quote
 import pyoxigraph as ox
 
 from fluentboard.api import parameters
-from fluentboard.api.answering import GRAPH_OFFERS, SOLUTION_OFFERS, Question, Result
+from fluentboard.api.answering import (
+    GRAPH_OFFERS,
+    SOLUTION_OFFERS,
+    Question,
+    Result,
+    result_content,
+)
 from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.exchange import (
     Call,
@@ -376,8 +382,8 @@ def _result_contents() -> dict[str, Content]:
         "results": {"bindings": [{"mug": {"type": "uri", "value": PREFIXES["fluent"] + "mug1"}}]},
     }
     contents = {
-        offer.media_type: Content({"type": "string"}) for offer in (*SOLUTION_OFFERS, *GRAPH_OFFERS)
+        offer.media_type: result_content(offer.media_type)
+        for offer in (*SOLUTION_OFFERS, *GRAPH_OFFERS)
     }
     contents["application/sparql-results+json"] = Content({"type": "object"}, rows)
-    contents["application/json"] = Content({"type": "object"})
     return contents

@@ -44,6 +44,7 @@ from fluentboard.errors import (
     InvalidYaml,
     NotAcceptable,
     NotARefinement,
+    ShapeViolation,
     StorageFailed,
     TooLarge,
     UnknownClass,
@@ -189,6 +190,7 @@ class TransferRoutes:
                     UnknownClass,
                     NotARefinement,
                     ProtectedStatement,
+                    ShapeViolation,
                     TooLarge,
                     UnsupportedMediaType,
                     StorageFailed,
@@ -238,7 +240,7 @@ class TransferRoutes:
                 answers={
                     200: Answer(
                         "The fluents, in the order of their first assertion.",
-                        export,
+                        {media_type: Content() for media_type in _FORMATS.values()},
                         {"X-Commit": "The commit that the export is exact at."},
                     )
                 },

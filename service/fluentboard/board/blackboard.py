@@ -35,6 +35,7 @@ from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.remote_store import RemoteStore
+from fluentboard.board.shapes import ShapesGuard
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
@@ -82,7 +83,9 @@ class Blackboard:
         >>> board.close()
     """
 
-    def __init__(self, projections: Projections, clock: Clock) -> None:
+    def __init__(
+        self, projections: Projections, clock: Clock, guard: ShapesGuard | None = None
+    ) -> None:
         self._projections = projections
         self._journal = projections.journal
         self.clock = clock
@@ -94,6 +97,7 @@ class Blackboard:
             self._projector,
             clock,
             waits_for_disk=self._journal.waits_for_disk,
+            guard=guard,
         )
         self.graphs = Graphs(projections, self._projector, self._writer, self._rewritten)
 
@@ -108,6 +112,7 @@ class Blackboard:
         builtin_ontologies: bool = True,
         log: CommitLog | None = None,
         endpoint: Endpoint | None = None,
+        shapes: Sequence[Path] = (),
     ) -> Blackboard:
         """Opens a board, recovers it if need be, and loads its ontologies.
 
@@ -119,6 +124,7 @@ class Blackboard:
             builtin_ontologies: load `upper`, `race` and `furniture`.
             endpoint: holds the RDF store, which is then not in `data`; it must be empty or this
                 board's.
+            shapes: SHACL files; a batch that violates one of their shapes is refused.
             log: where commits are kept, such as a replicated log; the journal in `data` is then a
                 mirror of it. None makes that journal the truth itself.
 
@@ -127,6 +133,7 @@ class Blackboard:
             InvalidOntology: an ontology file is missing or does not parse.
         """
         clock = clock or SystemClock()
+        guard = ShapesGuard(shapes) if shapes else None
         if data is not None:
             _make_folder(data)
         own = SqliteJournal(data and data / "journal.sqlite", durability)
@@ -146,7 +153,7 @@ class Blackboard:
             if endpoint is not None:
                 endpoint.close()
             raise
-        board = cls(projections, clock)
+        board = cls(projections, clock, guard)
         try:
             board.load_ontologies(ontologies, builtin=builtin_ontologies)
         except BaseException:

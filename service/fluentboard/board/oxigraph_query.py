@@ -9,6 +9,7 @@ from typing import Any
 import pyoxigraph as ox
 
 from fluentboard.board.engine_repairs import repaired
+from fluentboard.board.query_size import check_size
 from fluentboard.board.sparql_tokens import has_word, tokens_of
 from fluentboard.errors import InvalidQuery
 from fluentboard_ontology import FB, PREFIXES
@@ -41,6 +42,7 @@ def ask(
     Raises:
         InvalidQuery: it does not parse, or cannot be evaluated.
     """
+    check_size(sparql)
     has_dataset = named_graphs is not None
     if named_graphs is None and "GRAPH" in sparql.upper():
         # A query that names its dataset sees what it names.

@@ -13,6 +13,7 @@ from typing import Literal, cast
 import pyoxigraph as ox
 
 from fluentboard.board.query_reach import reach_of
+from fluentboard.board.query_size import check_size
 from fluentboard.board.sparql_tokens import Token, has_word
 from fluentboard.board.update_operations import (
     Clear,
@@ -55,6 +56,7 @@ def parse_update(
         InvalidQuery: it does not parse, calls SERVICE, or names its dataset although the request
             does so too.
     """
+    check_size(text)
     parts = operations_in(text, base_iri)
     for part in parts:
         if has_word(part.tokens, "SERVICE"):

@@ -115,6 +115,8 @@ def _check_alone(text: str, part: OperationText, base_iri: str | None) -> None:
 
 
 def _parse(before: str, inserted: str, after: str, base_iri: str | None) -> None:
+    if not after:
+        before += "\n"  # it may end in a comment, which must not swallow the guard
     # Parsed as a whole first; then the first operation fails, and nothing else is done.
     guard = f"{inserted}DROP GRAPH <{_NOTHING}> ;\n"
     try:

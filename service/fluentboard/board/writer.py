@@ -14,6 +14,7 @@ from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
 from fluentboard.board.journal import KeyedCommit
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Projector
+from fluentboard.board.shapes import ShapesGuard
 from fluentboard.clock import Clock
 from fluentboard.errors import (
     FluentboardError,
@@ -66,6 +67,7 @@ class Writer:
         waits_for_disk: appending takes as long as the disk does. If not, a short request that finds
             the writer idle is carried out in the caller's thread: two changes of thread would take
             longer than the work.
+        guard: refuses what violates a shape.
     """
 
     def __init__(
@@ -75,7 +77,9 @@ class Writer:
         clock: Clock,
         *,
         waits_for_disk: bool = True,
+        guard: ShapesGuard | None = None,
     ) -> None:
+        self._guard_of_shapes = guard
         self._waits_for_disk = waits_for_disk
         self._committing = threading.Lock()
         self._outstanding = 0
@@ -245,6 +249,12 @@ class Writer:
             statements = request.derive()
         if not events and not statements:
             return Commit(number - 1, self._clock.now_s(), request.author)
+        if self._guard_of_shapes is not None and events:
+            self._guard_of_shapes.check(
+                events,
+                self._projections.vocabulary,
+                lambda name: self._current(name, fresh, pending),
+            )
         pending.update(fresh)
         commit = Commit(
             number, self._clock.now_s(), request.author, tuple(events), statements, reason

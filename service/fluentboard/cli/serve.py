@@ -59,6 +59,13 @@ def serve(
         list[Path] | None,
         typer.Option(metavar="FILE", help="Turtle or RDF/XML file to load; may be repeated."),
     ] = None,
+    shapes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="SHACL shapes that every write must meet; may be repeated. Needs the extra shacl.",
+        ),
+    ] = None,
     durability: Annotated[
         Literal["disk", "process"] | None,
         typer.Option(show_default="disk", help="Whether a write waits until it is on the disk."),
@@ -101,6 +108,7 @@ def serve(
             "server.port": port,
             "storage.data": data,
             "storage.store": store,
+            "storage.shapes": shapes or None,
             "storage.ontologies": ontology or None,
             "storage.durability": durability,
             "security.allow_open": allow_open or None,

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import pyoxigraph as ox
 
+from fluentboard.board.query_size import check_size
 from fluentboard.board.subscriptions.footprint import Footprint, footprint_of
 from fluentboard.board.subscriptions.results import Term
 from fluentboard.board.subscriptions.sparql_text import has_escapes, query_form, words
@@ -72,6 +73,7 @@ def parse(text: str) -> ParsedQuery:
         InvalidQuery: it does not parse; it is a DESCRIBE or an update; it calls SERVICE; or it
             calls a function whose value differs at every evaluation.
     """
+    check_size(text)
     form = query_form(text)
     if form not in ("select", "ask", "construct"):
         what = "a DESCRIBE query" if form == "describe" else "text without a query form"
