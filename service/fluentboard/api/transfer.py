@@ -139,7 +139,7 @@ class TransferRoutes:
     def operations(self) -> list[Operation]:
         """The routes, documented."""
         text, flag = {"type": "string"}, {"type": "boolean"}
-        export = {media_type: Content(text) for media_type in MEDIA_TYPES.values()}
+        export = {media_type: Content() for media_type in MEDIA_TYPES.values()}
         imported = {media_type: Content(text) for media_type in READERS}
         receipt = {
             **{"commit": 12, "commits": 1, "fluents": 3, "changed": 3, "statements": 0},
@@ -240,7 +240,7 @@ class TransferRoutes:
                 answers={
                     200: Answer(
                         "The fluents, in the order of their first assertion.",
-                        {media_type: Content() for media_type in _FORMATS.values()},
+                        export,
                         {"X-Commit": "The commit that the export is exact at."},
                     )
                 },
