@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.config import SegmentationConfig
 from fluentboard_modules.anchoring.organised import OrganisedPoints
-from fluentboard_modules.anchoring.pixel_parts import windows
+from fluentboard_modules.anchoring.pixel_parts import nearest_distance, windows
 
 _MARGIN_PX, _NEIGHBOUR_PX, _FRAGMENT_PX = 4, 12, 12
 _LIP_LEVEL_M = 0.015
@@ -95,8 +94,11 @@ def rejoined(
             if _is_lip(small, large, parts, found, points):
                 target[small] = large
                 break
-            between = cloud(small)[:, None] - cloud(large)[None]
-            distance = math.sqrt(float(np.einsum("ijk,ijk->ij", between, between).min()))
+            a, b = cloud(small), cloud(large)
+            gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
+            if gap.max() > nearest:
+                continue
+            distance = float(nearest_distance(a, b, 0.25 * config.rejoin_m))
             if distance < nearest:
                 target[small], nearest = large, distance
     for number in reversed(order):

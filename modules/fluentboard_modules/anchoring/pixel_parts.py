@@ -144,3 +144,18 @@ def windows(labels, count):
             found[label, 1], found[label, 2] = min(found[label, 1], v), max(found[label, 2], v)
             found[label, 3], found[label, 4] = min(found[label, 3], u), max(found[label, 4], u)
     return found
+
+
+@njit(cache=True)
+def nearest_distance(first, second, enough):
+    """Least distance between points `(n, 3)` and `(m, 3)`; stops when it is below `enough`."""
+    least = np.inf
+    for i in range(first.shape[0]):
+        for j in range(second.shape[0]):
+            x = first[i, 0] - second[j, 0]
+            y = first[i, 1] - second[j, 1]
+            z = first[i, 2] - second[j, 2]
+            least = min(least, x * x + y * y + z * z)
+        if least < enough * enough:
+            break
+    return np.sqrt(least)

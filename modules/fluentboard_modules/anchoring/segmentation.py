@@ -231,11 +231,9 @@ def upright_box(cloud_map: FloatArray, top: Top) -> BoundingBox:
         cloud_map: `(n, 3)`; points of an object.
         top: what it stands on.
     """
-    flat = cloud_map[:, :2].astype(np.float32)
-    (cx, cy), _, _ = cv2.minAreaRect(flat)
+    centre = cloud_map[:, :2].mean(axis=0)
     # Flying pixels at silhouettes must not decide about the size: trim along each axis.
-    centre = np.array([cx, cy])
-    angle = _best_angle(flat.astype(np.float64) - centre)
+    angle = _best_angle(cloud_map[:, :2] - centre)
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     local = (cloud_map[:, :2] - centre) @ axes.T
     low, high = np.percentile(local, [_TRIM, 100.0 - _TRIM], axis=0)
@@ -254,7 +252,7 @@ def _best_angle(flat: FloatArray) -> float:
     """The turn at which the trimmed extents span the least area; the long side is along x."""
     angles = np.radians(np.arange(0.0, 90.0, 5.0))
     cos, sin = np.cos(angles), np.sin(angles)
-    thin = flat[:: max(1, len(flat) // 1000)]
+    thin = flat[:: max(1, len(flat) // 400)]
     along = thin[:, :1] * cos + thin[:, 1:] * sin
     across = thin[:, 1:] * cos - thin[:, :1] * sin
     extents = [
