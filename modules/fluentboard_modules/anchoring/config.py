@@ -57,6 +57,14 @@ class SupportConfig(_Settings):
     area_min_m2: float = Field(
         default=0.10, gt=0.0, description="Smaller tops are boxes, seats or books; in one frame."
     )
+    known_area_min_m2: float = Field(
+        default=0.04, gt=0.0, description="Of a part of a table that is known."
+    )
+    area_margin_m: float = Field(
+        default=0.10,
+        ge=0.0,
+        description="Placing areas of the board are taken for a top but for so wide a rim.",
+    )
     cell_m: float = Field(default=0.02, gt=0.0, description="Raster of outlines.")
     gap_m: float = Field(
         default=0.16,
@@ -66,9 +74,6 @@ class SupportConfig(_Settings):
     tops_max: int = Field(default=6, ge=1, description="Per frame, the largest.")
     same_height_m: float = Field(
         default=0.06, gt=0.0, description="Views of one top agree so well: poses drift 2-4 cm."
-    )
-    forget_frames: int = Field(
-        default=24, ge=2, description="An outline forgets cells that so many views did not renew."
     )
 
 

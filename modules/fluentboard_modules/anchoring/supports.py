@@ -120,7 +120,7 @@ class Top:
 def find_tops(
     points: OrganisedPoints, config: SupportConfig, rng: np.random.Generator
 ) -> list[Top]:
-    """The tops in view, largest first.
+    """The tops in view, largest first, and parts of tops down to `known_area_min_m2`.
 
     Args:
         points: of the frame.
@@ -153,7 +153,7 @@ def find_tops(
         tops += [
             Top(raster, origin, coefficients)
             for raster in _parts(centres[support], lying, config)
-            if raster.area_m2 >= config.area_min_m2
+            if raster.area_m2 >= config.known_area_min_m2
         ]
         taken = np.abs(away) < max(0.03, 3.0 * config.tolerance_m)
         if not taken.any():
@@ -194,7 +194,7 @@ def _one_height(
     bins = ((centres[:, 2] - low) / _BIN_M).astype(np.int64)
     histogram = np.convolve(np.bincount(bins, areas), np.ones(5), mode="same")
     peak = int(np.argmax(histogram))
-    if histogram[peak] < 0.5 * config.area_min_m2:
+    if histogram[peak] < 0.5 * config.known_area_min_m2:
         return None
     return np.abs(centres[:, 2] - (low + (peak + 0.5) * _BIN_M)) < 0.07
 
@@ -264,7 +264,7 @@ def _parts(seeds: FloatArray, lying: FloatArray, config: SupportConfig) -> list[
     found: list[Raster] = []
     for number in range(1, count):
         part = (parts == number).astype(np.uint8)
-        if part.sum() * cell**2 < 0.5 * config.area_min_m2:
+        if part.sum() * cell**2 < 0.5 * config.known_area_min_m2:
             continue
         reach = cv2.dilate(part, np.ones((3, 3), np.uint8))
         whole = _closed(part | (rest & reach), config.gap_m / cell)

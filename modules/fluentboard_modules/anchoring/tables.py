@@ -76,7 +76,9 @@ class TableMap:
         grid = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
         flat = (grid + 0.5 + low) * cell
         local = (flat - (box.pose.x, box.pose.y)) @ _turn(box.pose.yaw_rad)
-        inside = np.all(np.abs(local) <= 0.5 * box.sizes[:2] + 0.5 * cell, axis=-1)
+        # Areas are rectangles around what was seen of a top; beyond its real edge stand chairs.
+        half = np.maximum(0.5 * box.sizes[:2] - self._config.area_margin_m, 0.0)
+        inside = np.all(np.abs(local) <= half, axis=-1)
         origin = (int(low[0]), int(low[1]))
         bottom = box.pose.z - 0.5 * box.z_size
         self._tables = [table for table in self._tables if table.name != name]
@@ -93,13 +95,17 @@ class TableMap:
         ]
 
     def complete(self, tops: Sequence[Top]) -> list[Top]:
-        """The tops of a frame with the outlines and names that are known of them."""
+        """The tops of a frame with the outlines and names that are known of them.
+
+        A small one is left out, unless it belongs to a table that is known.
+        """
         completed: list[Top] = []
         for top in tops:
             index = self._find(top)
             if index is None:
-                self._tables.append(_new(top))
-                completed.append(top)
+                if top.raster.area_m2 >= self._config.area_min_m2:
+                    self._tables.append(_new(top))
+                    completed.append(top)
                 continue
             table = _seen(self._tables[index], top)
             self._tables[index] = table
