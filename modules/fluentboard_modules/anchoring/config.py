@@ -101,6 +101,12 @@ class SegmentationConfig(_Settings):
     rim_m: float = Field(
         default=0.03, ge=0.0, description="Flat clusters within so narrow a rim are the edge."
     )
+    core_share: float = Field(
+        default=0.15,
+        ge=0.0,
+        le=1.0,
+        description="Of an object so many points lie within the rim; what has fewer is behind it.",
+    )
     rim_sigma: float = Field(default=8.0, ge=0.0, description="Noise of height that adds to it.")
     join_m: float = Field(
         default=0.012, gt=0.0, description="Step in depth between neighbours of one object."

@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.anchoring.config import DepthNoiseConfig
-from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 
 Float32 = NDArray[np.float32]
 
@@ -23,15 +24,37 @@ class OrganisedPoints:
         depth_m: `(h, w)` float32; 0 where unknown.
         height_sigma_m: `(h, w)` float32; standard deviation of a point's height, from the depth
             noise and the steepness of the line of sight.
-        viewpoint_map: `(3,)`; the camera.
-        focal_px: mean focal length.
+        camera: of the frame.
+        T_map_sensor: its place.
     """
 
     points_map: Float32
     depth_m: Float32
     height_sigma_m: Float32
-    viewpoint_map: NDArray[np.float64]
-    focal_px: float
+    camera: Camera
+    T_map_sensor: Transform
+
+    @property
+    def viewpoint_map(self) -> FloatArray:
+        """`(3,)`; where the camera was."""
+        return self.T_map_sensor.translation
+
+    @property
+    def focal_px(self) -> float:
+        """Mean focal length in pixels."""
+        return 0.5 * (self.camera.fx + self.camera.fy)
+
+    def is_hidden(self, points_map: FloatArray, margin_m: float) -> NDArray[np.bool_]:
+        """`(n,)`; which points `(n, 3)` lie behind something that the camera sees."""
+        points = self.T_map_sensor.inverse().apply(points_map)
+        hidden = np.zeros(len(points), dtype=bool)
+        ahead = np.flatnonzero(points[:, 2] > 0.1)
+        pixels = np.rint(self.camera.project(points[ahead]))
+        inside = np.all((pixels >= 0) & (pixels < self.depth_m.shape[::-1]), axis=1)
+        ahead, pixels = ahead[inside], pixels[inside].astype(np.int64)
+        depth = self.depth_m[pixels[:, 1], pixels[:, 0]]
+        hidden[ahead] = (depth > 0.0) & (depth < points[ahead, 2] - margin_m)
+        return hidden
 
 
 def organise(frame: SensorFrame, noise: DepthNoiseConfig, range_max_m: float) -> OrganisedPoints:
@@ -50,9 +73,7 @@ def organise(frame: SensorFrame, noise: DepthNoiseConfig, range_max_m: float) ->
         transform,
         np.array([noise.constant_m, noise.quadratic_per_m, noise.reference_m, range_max_m]),
     )
-    return OrganisedPoints(
-        points, depth, sigma, transform[:, 3].copy(), 0.5 * (camera.fx + camera.fy)
-    )
+    return OrganisedPoints(points, depth, sigma, camera, frame.T_map_sensor)
 
 
 @njit(cache=True)

@@ -125,6 +125,8 @@ def _cluster(
             return None
         if top.raster.borders(cloud, config.rim_m + config.rim_sigma * sigma):
             return None
+    elif top.raster.core(config.rim_m).covers(cloud).mean() < config.core_share:
+        return None  # seen over the edge: the back of a chair
     if rise.min() > 0.10:  # floats: a part of something that stands elsewhere
         return None
     if _hangs(mask, points, kind) > config.hang_share:

@@ -1,4 +1,4 @@
-"""Objects that touch, told apart by the waist of their common silhouette."""
+"""Objects that touch, told apart by the waist of their common silhouette or footprint."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.config import SegmentationConfig
 from fluentboard_modules.anchoring.organised import OrganisedPoints
 from fluentboard_modules.anchoring.pixel_parts import windows
@@ -13,6 +14,7 @@ from fluentboard_modules.anchoring.supports import Top
 
 _STANDS_M = 0.03  # a part whose lowest points are higher stands on the other part
 _CORE_SHARE = 0.75
+_CELL_M = 0.004
 
 
 def split_touching(
@@ -24,9 +26,9 @@ def split_touching(
 ) -> tuple[NDArray[np.int32], int]:
     """The labels with touching objects told apart, and the highest label.
 
-    A part is cut when its silhouette consists of two bodies joined by a waist narrower than
-    `neck_ratio` of the lesser body, and both bodies stand on the top. A handle is too thin for a
-    body, and the neck of a bottle carries nothing that stands on the top.
+    A part is cut when its silhouette, or its footprint seen from above, consists of two bodies
+    joined by a waist narrower than `neck_ratio` of the lesser body, and both stand on the top. A
+    handle is too thin for a body, and the neck of a bottle carries nothing that stands on the top.
 
     Args:
         parts: `(h, w)` int32; numbers from 1, 0 for nothing.
@@ -43,13 +45,16 @@ def split_touching(
         window = (slice(first, last + 1), slice(left, right + 1))
         inside = parts[window] == number
         distance_m = float(np.median(points.depth_m[window][inside]))
-        bodies = _bodies(inside, config, distance_m / points.focal_px)
+        cloud = points.points_map[window][inside].astype(np.float64)
+        bodies = _bodies(inside, config, distance_m / points.focal_px, 5)
+        if bodies is None:
+            bodies = _bodies_from_above(inside, cloud, config)
         if bodies is None:
             continue
         lowest: list[float] = []
         for body in range(1, int(bodies.max()) + 1):
-            cloud = points.points_map[window][bodies == body].astype(np.float64)
-            lowest.append(float(np.percentile(cloud[:, 2] - top.height_at(cloud), 3)))
+            part = cloud[bodies[inside] == body]
+            lowest.append(float(np.percentile(part[:, 2] - top.height_at(part), 3)))
         if max(lowest) > _STANDS_M:
             continue
         for body in range(2, int(bodies.max()) + 1):
@@ -58,13 +63,34 @@ def split_touching(
     return result, count
 
 
+def _bodies_from_above(
+    inside: NDArray[np.bool_], cloud_map: FloatArray, config: SegmentationConfig
+) -> NDArray[np.int32] | None:
+    """The bodies of a footprint, as labels of the silhouette from 1; None if there is only one."""
+    cells = np.floor(cloud_map[:, :2] / _CELL_M).astype(np.int64)
+    cells -= cells.min(axis=0) - 2
+    footprint = np.zeros(tuple((cells.max(axis=0) + 3).tolist()), dtype=np.uint8)
+    footprint[tuple(cells.T)] = 1
+    # Pixels are further apart than cells, and vessels are hollow.
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
+    footprint = np.asarray(cv2.morphologyEx(footprint, cv2.MORPH_CLOSE, kernel))
+    contours, _ = cv2.findContours(footprint, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    filled = cv2.drawContours(np.zeros_like(footprint), contours, -1, 1, cv2.FILLED)
+    found = _bodies(filled.astype(bool), config, _CELL_M, 1)
+    if found is None:
+        return None
+    labels = np.zeros(inside.shape, dtype=np.int32)
+    labels[inside] = found[tuple(cells.T)]
+    return labels if np.all(labels[inside] > 0) else None
+
+
 def _bodies(
-    inside: NDArray[np.bool_], config: SegmentationConfig, per_px: float
+    inside: NDArray[np.bool_], config: SegmentationConfig, per_px: float, closed_px: int
 ) -> NDArray[np.int32] | None:
     """The bodies of a silhouette as labels from 1; None if there is only one."""
     padded = np.pad(inside.astype(np.uint8), 1)
-    # Holes without depth are no waist.
-    padded = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    if closed_px > 1:  # holes without depth are no waist
+        padded = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((closed_px,) * 2, np.uint8))
     width_px = np.asarray(cv2.distanceTransform(padded, cv2.DIST_L2, 5))
     least_px = 0.5 * config.part_min_m / per_px
     deepest = float(width_px.max())

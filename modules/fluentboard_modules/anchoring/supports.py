@@ -9,7 +9,7 @@ inliers are separated by gaps, and every part gets an outline of its own, of any
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -27,6 +27,8 @@ _CURVED_FROM_M = 0.5  # smaller tops are fitted by a plane: noise would bend the
 _CURVATURE_RIDGE = 0.05
 _LEAST_PATCHES = 12
 _VOTERS = 600
+_STEEP_COSINE = 0.5  # of the normal with the vertical: 60 degrees
+_SHADOW_M = 0.03
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,10 +79,13 @@ class Raster:
 
     def borders(self, points_map: FloatArray, width_m: float) -> bool:
         """Whether most of the points `(n, 2)` or `(n, 3)` lie within a strip along the border."""
+        return bool(self.core(width_m).covers(points_map).mean() < 0.5)
+
+    def core(self, width_m: float) -> Raster:
+        """The region without a strip along its border."""
         size = 2 * math.ceil(width_m / self.cell_m) + 1
         core = cv2.erode(np.pad(self.inside.astype(np.uint8), 1), np.ones((size, size), np.uint8))
-        inner = Raster(core[1:-1, 1:-1].astype(bool), self.origin, self.cell_m)
-        return bool(inner.covers(points_map).mean() < 0.5)
+        return Raster(core[1:-1, 1:-1].astype(bool), self.origin, self.cell_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,9 +133,9 @@ def find_tops(
         rng: draws the samples.
     """
     means = patches(points.points_map, points.depth_m, _STEP_PX).astype(np.float64)
-    level, area = _level_patches(means, points, config)
+    level, steep, area = _level_patches(means, points, config)
     centres, areas = means[level], area[level]
-    everything = means[np.isfinite(means[..., 0])]
+    everything = means[np.isfinite(means[..., 0]) & ~steep]
     tops: list[Top] = []
     for _ in range(2 * config.tops_max):
         if len(centres) < _LEAST_PATCHES:
@@ -150,11 +155,10 @@ def find_tops(
         # Beside an object or an edge local normals are bad; being at the right height will do.
         off = everything[:, 2] - _terms(everything[:, :2] - origin) @ coefficients
         lying = everything[np.abs(off) < 2.0 * config.tolerance_m]
-        tops += [
-            Top(raster, origin, coefficients)
-            for raster in _parts(centres[support], lying, config)
-            if raster.area_m2 >= config.known_area_min_m2
-        ]
+        for raster in _parts(centres[support], lying, config):
+            if raster.area_m2 >= config.known_area_min_m2:
+                top = Top(raster, origin, coefficients)
+                tops.append(_with_shadows(top, points))
         taken = np.abs(away) < max(0.03, 3.0 * config.tolerance_m)
         if not taken.any():
             taken = near
@@ -165,8 +169,8 @@ def find_tops(
 
 def _level_patches(
     means: FloatArray, points: OrganisedPoints, config: SupportConfig
-) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Which patches are level, and the horizontal area of each."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], FloatArray]:
+    """Which patches are level, which stand upright, and the horizontal area of the level ones."""
     across = np.full(means.shape, np.nan)
     down = np.full(means.shape, np.nan)
     across[:, 1:-1] = means[:, 2:] - means[:, :-2]
@@ -183,7 +187,8 @@ def _level_patches(
             & is_top
             & (height < min(config.height_max_m, camera_m))
         )
-    return level, np.where(level, 0.25 * np.abs(normal[..., 2]), 0.0)
+        steep = steepness < _STEEP_COSINE
+    return level, steep, np.where(level, 0.25 * np.abs(normal[..., 2]), 0.0)
 
 
 def _one_height(
@@ -241,6 +246,23 @@ def _fit(
     if tilt > math.tan(math.radians(config.tilt_max_deg)):
         return None
     return origin, coefficients
+
+
+def _with_shadows(top: Top, points: OrganisedPoints) -> Top:
+    """The top with what objects hide of it: where it would be convex and nothing denies it."""
+    raster = top.raster
+    cells = np.argwhere(raster.inside)[:, ::-1].astype(np.int32)
+    hull = np.zeros(raster.inside.shape, dtype=np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(cells), 1)
+    missing = np.argwhere((hull > 0) & ~raster.inside)
+    if not len(missing):
+        return top
+    flat = (missing + 0.5) * raster.cell_m + raster.corner_map
+    hidden = points.is_hidden(np.column_stack([flat, top.height_at(flat)]), _SHADOW_M)
+    inside = raster.inside.copy()
+    inside[tuple(missing[hidden].T)] = True
+    whole = _closed(inside.astype(np.uint8), _NARROW_GAP_M / raster.cell_m).astype(bool)
+    return replace(top, raster=replace(raster, inside=whole))
 
 
 def _parts(seeds: FloatArray, lying: FloatArray, config: SupportConfig) -> list[Raster]:

@@ -1,0 +1,38 @@
+"""The slab test of removed-object detection against the convex hull of Algorithm 4.2."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import Delaunay
+
+from fluentboard.model.geometry import BoundingBox, Pose, Transform
+from fluentboard_modules.anchoring.config import RemovalConfig
+from fluentboard_modules.anchoring.removal import Presence, look_at
+from fluentboard_modules.frames.sensor_frame import Camera
+
+CAMERA = Camera(80, 60, 70.0, 70.0, 39.5, 29.5)
+EXACT = RemovalConfig(shrink_m=0.0, behind_m=0.0)
+
+
+@given(
+    st.floats(-0.2, 0.2),
+    st.floats(0.9, 2.0),
+    st.floats(0.0, 3.0),
+    st.tuples(*[st.floats(0.05, 0.2)] * 3),
+    st.integers(0, 1000),
+)
+def test_slabs_count_what_the_hull_counts(
+    x: float, z: float, yaw: float, size: tuple[float, float, float], seed: int
+) -> None:
+    box = BoundingBox(Pose.from_rpy(x, 0.0, z, yaw=yaw), *size)
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(0.5, 2.5, (CAMERA.height, CAMERA.width)).astype(np.float32)
+    look = look_at(box, depth, CAMERA, Transform.identity(), EXACT)
+    if look.presence is Presence.OUT_OF_VIEW:
+        return
+    points = (CAMERA.rays() * depth[..., None].astype(np.float64)).reshape(-1, 3)
+    hull = Delaunay(np.vstack([box.corners(), np.zeros(3)]))
+    counted = int((hull.find_simplex(points, tol=-1e-9) >= 0).sum())
+    assert abs(look.before + look.inside - counted) <= 2  # points on a face count either way
