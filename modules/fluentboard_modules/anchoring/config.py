@@ -239,7 +239,7 @@ class RemovalConfig(_Settings):
         description="Share of the pixels that must be seen behind the box: missing depth is none.",
     )
     behind_m: float = Field(
-        default=0.015, ge=0.0, description="As much behind its far side counts as behind."
+        default=0.005, ge=0.0, description="As much behind its far side counts as behind."
     )
     range_min_m: float = Field(default=0.4, ge=0.0, description="Nearest depth of a Kinect.")
     range_max_m: float = Field(default=4.0, gt=0.0, description="Farthest useful depth.")

@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 from numba import njit
 
-from fluentboard.model.geometry import BoundingBox, Transform
+from fluentboard.model.geometry import BoundingBox, FloatArray, Transform
 from fluentboard_modules.anchoring.config import RemovalConfig
 from fluentboard_modules.anchoring.organised import Float32
 from fluentboard_modules.frames.sensor_frame import Camera
@@ -71,10 +71,11 @@ def look_at(
         T_map_sensor: its place.
         config: thresholds.
     """
-    T_map_box, half = _shrunk(box_map, config)
-    T_sensor_box = T_map_sensor.inverse() @ T_map_box
-    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-    corners = T_sensor_box.apply(signs * half)
+    bounds = _bounds(box_map, config)
+    T_sensor_box = T_map_sensor.inverse() @ box_map.pose.to_transform()
+    corners = T_sensor_box.apply(
+        np.array([[x, y, z] for x in bounds[:2, 0] for y in bounds[:2, 1] for z in bounds[:2, 2]])
+    )
     depths = corners[:, 2]
     if depths.min() < config.range_min_m or depths.max() > config.range_max_m:
         return Look(Presence.OUT_OF_VIEW)
@@ -86,7 +87,7 @@ def look_at(
         np.ascontiguousarray(depth_m, dtype=np.float32),
         np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
         T_box_sensor,
-        half,
+        bounds,
         np.array([*np.floor(low), *np.ceil(high)]).astype(np.int64),
         config.behind_m,
     )
@@ -105,15 +106,12 @@ def look_at(
     return Look(presence, before, inside, behind, unknown)
 
 
-def _shrunk(box: BoundingBox, config: RemovalConfig) -> tuple[Transform, np.ndarray]:
-    """The inner box: its pose and `(3,)` half sizes."""
+def _bounds(box: BoundingBox, config: RemovalConfig) -> FloatArray:
+    """`(4, 3)`; low and high corner of the shrunk box and of the whole one, in the box's axes."""
     sizes = np.maximum(box.sizes, 1e-3)
     side = np.minimum(config.shrink_m, 0.5 * _SHRUNK_MAX * sizes)
-    bottom = min(2.0 * config.shrink_m, _SHRUNK_MAX * float(sizes[2]))
-    half = 0.5 * sizes - side
-    half[2] = 0.5 * (float(sizes[2]) - float(side[2]) - bottom)
-    raised = Transform.from_parts(np.eye(3), np.array([0.0, 0.0, 0.5 * (bottom - float(side[2]))]))
-    return box.pose.to_transform() @ raised, half
+    bottom = np.array([side[0], side[1], min(2.0 * config.shrink_m, _SHRUNK_MAX * sizes[2])])
+    return np.stack([bottom - 0.5 * sizes, 0.5 * sizes - side, -0.5 * sizes, 0.5 * sizes])
 
 
 def _lowest(pixels: np.ndarray) -> np.ndarray:
@@ -125,28 +123,32 @@ def _highest(pixels: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _count(depth, camera, T_box_sensor, half, window, behind_m):
+def _count(depth, camera, T_box_sensor, bounds, window, behind_m):
     counts = np.zeros(4, dtype=np.int64)
     fx, fy, cx, cy = camera
     for v in range(window[1], window[3] + 1):
         for u in range(window[0], window[2] + 1):
             x, y = (u - cx) / fx, (v - cy) / fy
-            enter, leave = 0.0, 1e9  # in units of depth, since the ray has z = 1
+            # In units of depth, since the ray has z = 1. A line of sight counts if it crosses the
+            # shrunk box; the surface of the object is where it enters the whole one.
+            enter, leave, surface = 0.0, 1e9, 0.0
             for axis in range(3):
                 origin = T_box_sensor[axis, 3]
                 ray = T_box_sensor[axis, 0] * x + T_box_sensor[axis, 1] * y + T_box_sensor[axis, 2]
                 if abs(ray) < 1e-12:
-                    if abs(origin) > half[axis]:
+                    if origin < bounds[0, axis] or origin > bounds[1, axis]:
                         leave = -1.0
                     continue
-                a, b = (-half[axis] - origin) / ray, (half[axis] - origin) / ray
+                a, b = (bounds[0, axis] - origin) / ray, (bounds[1, axis] - origin) / ray
                 enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+                a, b = (bounds[2, axis] - origin) / ray, (bounds[3, axis] - origin) / ray
+                surface = max(surface, min(a, b))
             if leave <= enter:
                 continue
             d = depth[v, u]
             if d <= 0.0 or np.isnan(d):
                 counts[3] += 1
-            elif d < enter:
+            elif d < surface:
                 counts[0] += 1
             elif d <= leave + behind_m:
                 counts[1] += 1

@@ -63,12 +63,12 @@ def render() -> Callable[..., SensorFrame]:
                 for thing in (floor, *things)
             ]
         )
-        depth = depths.min(axis=0)
+        depth: FloatArray = depths.min(axis=0)
         labels: NDArray[np.int32] = depths.argmin(axis=0).astype(np.int32)
         if noise is not None:
             sigma = 0.0012 + 0.0019 * (np.minimum(depth, 9.0) - 0.4) ** 2
-            depth = depth + sigma * noise.standard_normal(depth.shape)
-        depth = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
-        return SensorFrame(depth, camera, stamp_s, T_map_sensor, labels=labels)
+            depth += sigma * noise.standard_normal(depth.shape)
+        depth_m = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+        return SensorFrame(depth_m, camera, stamp_s, T_map_sensor, labels=labels)
 
     return rendered

@@ -20,9 +20,8 @@ from fluentboard_modules.frames.sensor_frame import SensorFrame
 TABLE = (-0.6, 1.0, 0.70, 0.6, 1.8, 0.74)
 MUG = (0.1, 1.3, 0.04, 0.74, 0.84)
 CARTON = (-0.3, 1.4, 0.74, -0.2, 1.48, 0.92)
-AWAY = {"target": (3.0, 1.3, 0.7)}
+AWAY = (3.0, 1.3, 0.7)
 Render = Callable[..., SensorFrame]
-Scene = tuple[Sequence[tuple[float, ...]], dict[str, tuple[float, float, float]]]
 
 
 class Story:
@@ -73,7 +72,7 @@ def test_object_is_anchored_once_it_was_seen_in_three_frames(story: Story) -> No
 
 def test_object_keeps_its_anchor_while_nobody_looks(story: Story) -> None:
     story.show(MUG, CARTON)
-    story.show(MUG, CARTON, **AWAY)
+    story.show(MUG, CARTON, target=AWAY)
     assert not any(anchor.is_tracked for anchor in story.pipeline.world.anchors)
     story.show(MUG, CARTON, eye=(0.6, 0.3, 1.5))
     assert story.identifiers == [1, 2]
@@ -86,7 +85,7 @@ def test_object_keeps_its_anchor_while_nobody_looks(story: Story) -> None:
 
 def test_object_that_was_taken_away_goes(story: Story) -> None:
     story.show(MUG, CARTON)
-    story.show(**AWAY)
+    story.show(target=AWAY)
     story.show(CARTON, times=4)
     assert len(story.identifiers) == 1
     assert story.happened[-1][0] is Functionality.DESTROY
