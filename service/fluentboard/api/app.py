@@ -13,6 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Match
 
 from fluentboard import __version__
+from fluentboard.api import query_editor
 from fluentboard.api.changes import ChangeRoutes
 from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.edge import Edge
@@ -174,6 +175,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         *frames.operations(),
         *KeepingRoutes(blackboard).operations(),
         *system.operations(),
+        *query_editor.operations(),
         *metrics.operations(),
     ]
     system.list_routes(operations)

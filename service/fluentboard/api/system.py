@@ -157,7 +157,8 @@ class SystemRoutes:
             "<style>body{font-family:sans-serif;margin:2em}td{padding:.2em 1em .2em 0}</style>"
             f"<h1>fluentboard {escape(__version__)}</h1>"
             f"<p>{len(self._board):,} fluents at commit {self._board.commit:,}. The routes are "
-            f"described in <a href='{escape(root_path)}/openapi.json'>openapi.json</a>.</p>"
+            f"described in <a href='{escape(root_path)}/openapi.json'>openapi.json</a>; queries "
+            f"are asked in the <a href='{escape(root_path)}/editor'>editor</a>.</p>"
             f"<table>{rows}</table>"
         )
 
