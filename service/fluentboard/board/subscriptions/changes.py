@@ -17,6 +17,8 @@ from fluentboard.model.fluent import Fluent
 def statement_of(line: str) -> Statement:
     """The statement of an N-Triples line, in the spacing that the board writes."""
     subject, predicate, rest = line.split(" ", 2)
+    if rest.endswith(" .\n"):
+        return subject, predicate, rest[:-3]
     return subject, predicate, rest.rstrip()[:-2]
 
 

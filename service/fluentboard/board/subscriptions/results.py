@@ -84,6 +84,10 @@ def bag_of(results: QueryResults, *, relabel: bool = False, limit: int | None = 
 
 def difference(before: Mapping[Solution, int], after: Mapping[Solution, int]) -> Difference:
     """What turns one bag into the other."""
+    if not before:
+        return Difference(dict(after), {})
+    if not after:
+        return Difference({}, dict(before))
     added = {
         solution: count - before.get(solution, 0)
         for solution, count in after.items()

@@ -343,8 +343,12 @@ class StandingQuery:
 
 def net(differences: Iterable[Difference]) -> Difference:
     """One difference for several in a row."""
+    several = list(differences)
+    if len(several) == 1:
+        # Nearly always; and a difference never both adds and removes a solution.
+        return several[0]
     total: Counter[Solution] = Counter()
-    for change in differences:
+    for change in several:
         for solution, count in change.added.items():
             total[solution] += count
         for solution, count in change.removed.items():

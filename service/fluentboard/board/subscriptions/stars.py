@@ -115,7 +115,8 @@ class Star:
             # Two spellings of one number are one statement.
             choices.append(list(dict.fromkeys(terms)))
         first = {self.subject_variable: term_of(statements[0][0])} if self.subject_variable else {}
-        return dict(Counter(self._rows(first, choices, 0)))
+        rows = list(self._rows(first, choices, 0))
+        return {rows[0]: 1} if len(rows) == 1 else dict(Counter(rows))
 
     def _rows(
         self, bound: dict[str, Term], choices: list[list[Term]], number: int

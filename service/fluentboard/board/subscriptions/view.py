@@ -43,6 +43,8 @@ class View:
 
     def support(self, solutions: Mapping[Solution, int]) -> Bag:
         """The support that the solutions of `text` give."""
+        if not solutions:
+            return {}
         if self.kind == "any":
             count = sum(solutions.values())
             return {(): count} if count else {}
