@@ -18,6 +18,7 @@ SCRIPTS = (
     "what_holds",
     "http_service",
     "subscriptions",
+    "crowd",
     "kills",
     "mapping_scene",
     "furniture",

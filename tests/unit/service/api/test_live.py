@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import orjson
@@ -12,6 +13,11 @@ import pytest
 from fluentboard.api.app import BoardApp, create_app
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, EndFluent
+from fluentboard.board.subscriptions.durable import (
+    DurableSubscription,
+    DurableSubscriptions,
+)
+from fluentboard.clock import ReplayClock
 from fluentboard.config import load_settings
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
@@ -285,3 +291,75 @@ def test_a_token_admits_a_listener(board: Blackboard) -> None:
             await socket.leave()
 
     asyncio.run(run())
+
+
+def test_subscription_at_now_tells_the_time_and_resumes_with_it() -> None:
+    clock = ReplayClock(100.0)
+
+    async def run(board: Blackboard) -> None:
+        app = create_app(board, load_settings())
+        async with app.router.lifespan_context(app):
+            socket = Socket(app, {"host": "localhost"})
+            await socket.event()
+            socket.subscribe("a", at="now", mode="both")
+            snapshot = await socket.message()
+            assert (snapshot["at"], len(snapshot["result"]["results"]["bindings"])) == (100.0, 1)
+            clock.set(200.0)
+            delta = await socket.message()
+            assert (delta["at"], plates(delta["removed"])) == (200.0, ["plate1"])
+            assert [event["event"] for event in delta["events"]] == ["ceased"]
+            socket.say({"unsubscribe": {"id": "a"}})
+            assert (await socket.message())["type"] == "unsubscribed"
+            socket.subscribe("a", at="now", since=snapshot["commit"], since_at=100.0)
+            assert (await socket.message())["type"] == "resumed"
+            assert plates((await socket.message())["removed"]) == ["plate1"]
+            await socket.leave()
+
+    with Blackboard.open(None, clock=clock) as board:
+        fluent = Fluent("plate1", "Plate", Interval(1.0, 2.0), Interval.at(150.0))
+        board.execute([AssertFluent(fluent)], "tests")
+        asyncio.run(run(board))
+
+
+def test_replay_over_a_websocket_ends_live(converse: Converse, board: Blackboard) -> None:
+    first = put(board, "plate1")
+    put(board, "plate2")
+
+    async def talk(socket: Socket, app: BoardApp) -> None:
+        socket.subscribe("a", replay={"commit": first, "speed": 1e6})
+        kinds = [(await socket.message())["type"] for _ in range(3)]
+        assert kinds == ["snapshot", "delta", "live"]
+        put(board, "plate3")
+        assert plates((await socket.message())["added"]) == ["plate3"]
+        for wrong in ({"commit": 1, "time": 2.0}, {"pace": 1}, 3, {"commit": 1, "speed": 0}):
+            socket.subscribe("b", replay=wrong)
+            assert (await socket.message())["problem"]["code"] == "invalid-input"
+
+    converse(talk)
+
+
+def test_durable_subscription_is_fetched_and_acknowledged(
+    converse: Converse, board: Blackboard, tmp_path: Path
+) -> None:
+    kept = DurableSubscriptions(tmp_path / "subscriptions.sqlite")
+    kept.add(DurableSubscription("kept", PLATES, "bindings", None, None, None, "tests", 1.0))
+    kept.close()
+    commit = put(board, "plate1")
+
+    async def talk(socket: Socket, app: BoardApp) -> None:
+        socket.subscribe("b", durable="kept")
+        assert (await socket.message())["problem"]["code"] == "invalid-input"
+        socket.say({"subscribe": {"id": "a", "durable": "kept"}})
+        assert (await socket.message())["type"] == "snapshot"
+        socket.say({"acknowledge": {"id": "a", "durable": "kept", "since": commit}})
+        told = await socket.message()
+        assert told == {"type": "acknowledged", "id": "a", "commit": commit}
+        put(board, "plate2")
+        assert plates((await socket.message())["added"]) == ["plate2"]
+        socket.say({"unsubscribe": {"id": "a"}})
+        await socket.message()
+        socket.say({"subscribe": {"id": "a", "durable": "kept"}})
+        assert (await socket.message())["type"] == "resumed"
+        assert plates((await socket.message())["added"]) == ["plate2"]
+
+    converse(talk, storage__data=tmp_path)
