@@ -23,6 +23,8 @@ SCRIPTS = (
     "mapping_scene",
     "furniture",
     "simulator",
+    "anchoring_context",
+    "anchoring_tables",
 )
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"

@@ -117,20 +117,24 @@ def _icm(
 
 
 @njit(cache=True)
-def _tighten(unary: FloatArray, edges: IntArray, pairwise: FloatArray, sweeps: int) -> None:
-    """Moves score from edges to nodes in place; the score of every assignment stays the same."""
+def _tighten(
+    unary: FloatArray, edges: IntArray, pairwise: FloatArray, sweeps: int, known: float
+) -> bool:
+    """Moves score from edges to nodes in place; the score of every assignment stays the same.
+
+    Returns whether the bound came down to the score of a known assignment: then it is the best.
+    """
     classes = unary.shape[1]
     for _ in range(sweeps):
         moved = 0.0
+        bound = 0.0
         for k in range(edges.shape[0]):
             i, j = edges[k, 0], edges[k, 1]
             # Everything of both nodes into the edge, and half of what is best back to each.
             for a in range(classes):
+                most = -np.inf
                 for b in range(classes):
                     pairwise[k, a, b] += unary[i, a] + unary[j, b]
-            for a in range(classes):
-                most = pairwise[k, a, 0]
-                for b in range(1, classes):
                     most = max(most, pairwise[k, a, b])
                 moved = max(moved, abs(0.5 * most - unary[i, a]))
                 unary[i, a] = 0.5 * most
@@ -139,11 +143,19 @@ def _tighten(unary: FloatArray, edges: IntArray, pairwise: FloatArray, sweeps: i
                 for a in range(1, classes):
                     most = max(most, pairwise[k, a, b])
                 unary[j, b] = 0.5 * most
+            rest = -np.inf
             for a in range(classes):
                 for b in range(classes):
                     pairwise[k, a, b] -= unary[i, a] + unary[j, b]
+                    rest = max(rest, pairwise[k, a, b])
+            bound += rest
+        for i in range(unary.shape[0]):
+            bound += unary[i, _largest(unary[i])]
+        if bound <= known + _EPS:
+            return True
         if moved < 1e-3:
             break
+    return False
 
 
 @njit(cache=True)
@@ -168,7 +180,13 @@ def _branch_and_bound(
 ) -> int:
     """Replaces the assignment `best` by the best one; changes the scores in place."""
     count, classes = unary.shape
-    _tighten(unary, edges, pairwise, _BOUND_SWEEPS)
+    known = 0.0
+    for i in range(count):
+        known += unary[i, best[i]]
+    for k in range(edges.shape[0]):
+        known += pairwise[k, best[edges[k, 0]], best[edges[k, 1]]]
+    if _tighten(unary, edges, pairwise, _BOUND_SWEEPS, known):
+        return 0
     other = _start(unary)
     _icm(unary, edges, pairwise, other, _ICM_SWEEPS)
     edge_at = np.full((count, count), -1)
