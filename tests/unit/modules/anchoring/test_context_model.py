@@ -21,7 +21,8 @@ Laid = Callable[..., tuple[list[LabelledScene], LabelledGraphs]]
 
 @pytest.fixture
 def context(laid_tables: Laid) -> CrfContextModel:
-    return CrfContextModel(train_crf(laid_tables(12)[1]).model)
+    config = SceneGraphConfig(context_range_m=1.0)
+    return CrfContextModel(train_crf(laid_tables(12, config)[1]).model, config)
 
 
 def test_beliefs_name_the_best_class_and_sum_to_one(

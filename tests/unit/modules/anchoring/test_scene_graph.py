@@ -46,7 +46,7 @@ def test_features_are_those_of_the_tables(scene_object: Make) -> None:
         scene_object("a", 0.3, 0.4, (0.2, 0.1, 0.05)),
         scene_object("b", 0.3, -0.3, (0.1, 0.1, 0.1)),
     ]
-    graph = build_scene_graph(objects, SceneGraphConfig.of_the_thesis())
+    graph = build_scene_graph(objects, SceneGraphConfig.of_the_thesis(1.0))
     diagonal = np.hypot(0.2, 0.1)
     assert graph.x[0] == pytest.approx(
         [1.0, 0.001, 0.02, 0.05 * diagonal, 2.0, 0.05 / diagonal, 0.1, 0.5]
@@ -58,7 +58,7 @@ def test_features_are_those_of_the_tables(scene_object: Make) -> None:
 
 def test_features_of_the_table_are_unknown_without_one(scene_object: Make) -> None:
     objects = [scene_object("a", 0.0, 0.0, on=None), scene_object("b", 0.2, 0.0)]
-    graph = build_scene_graph(objects, SceneGraphConfig.of_the_thesis())
+    graph = build_scene_graph(objects, SceneGraphConfig.of_the_thesis(1.0))
     assert np.isnan(graph.x[0]).tolist() == [False] * 6 + [True] * 2
     assert np.isnan(graph.e[0]).tolist() == [False] * 3 + [True] * 3
 
