@@ -333,7 +333,7 @@ class VerificationConfig(_Settings):
         default=0.12, gt=0.0, description="What is seen of a top may be so much larger than it is."
     )
     accept_score: float = Field(
-        default=0.7, ge=0.0, le=1.0, description="Explained share from which it is furniture."
+        default=0.75, ge=0.0, le=1.0, description="Explained share from which it is furniture."
     )
     accept_exact_score: float = Field(
         default=0.75,

@@ -26,6 +26,7 @@ _LEVEL = 0.7
 _CHAIR_HALF_WIDTH_M, _CHAIR_TOP_M = 0.32, 1.15
 _BACK_BELOW_SEAT_M = 0.15
 _PLINTH_M = 0.12
+_BOARDS_APART_M = 0.15
 
 
 def generic_model(
@@ -123,6 +124,10 @@ def _closed(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
 
 
 def _all_planes(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
+    """A shelf: its boards, or its front with at least two boards behind it."""
+    heights = sorted(part.height_m for part in parts if abs(part.normal[2]) > _LEVEL)
+    if not heights or heights[-1] - heights[0] < _BOARDS_APART_M:
+        return [], ()  # one level face behind a front may be anything that stands beside it
     sheets = [_sheet(part, T_model_map) for part in parts]
     return [sheet for sheet in sheets if sheet is not None], ()
 
