@@ -176,3 +176,20 @@ def test_an_editor_in_a_browser_may_ask(address: str) -> None:
     foreign = {**headers, "Origin": "https://evil.example"}
     reply = httpx.get(address + "/sparql", params={"query": MUGS}, headers=foreign, trust_env=False)
     assert "access-control-allow-origin" not in reply.headers
+
+
+def test_a_followed_feed_tells_commits_as_they_are_made(address: str) -> None:
+    with httpx.Client(base_url=address, trust_env=False, timeout=20.0) as client:
+        last = client.get("/ready").json()["commit"]
+        with client.stream("GET", "/changes", params={"since": last, "follow": "true"}) as feed:
+            lines = feed.iter_lines()
+            for number in (1, 2):
+                update = f"INSERT DATA {{ GRAPH <urn:feed> {{ <urn:a> <urn:p> {number} }} }}"
+                assert httpx.post(
+                    address + "/sparql", data={"update": update}, trust_env=False
+                ).is_success
+                heading, begin, added, end = (next(lines) for _ in range(4))
+                assert heading.startswith(f"# commit {last + number} by anonymous at ")
+                assert (begin, end) == ("TX .", "TC .")
+                assert added.startswith("A <urn:a> <urn:p> ")
+                assert added.endswith(" <urn:feed> .")
