@@ -162,7 +162,7 @@ def run(
         FluentboardError: the board refused a write, or there was no frame to process.
     """
     stop = stop or StopRequest()
-    writer = _Writer(board, progress, stop)
+    writer = BatchWriter(board, progress, stop)
     first = _begun(module, board, writer)
     if first is None:
         return WorkReport(0, 0, 0, 0.0, was_stopped=True)
@@ -197,7 +197,7 @@ def run(
     )
 
 
-def _begun(module: Module, board: Client, writer: _Writer) -> Sequence[Command] | None:
+def _begun(module: Module, board: Client, writer: BatchWriter) -> Sequence[Command] | None:
     """What the module writes first, once there is a board; None if asked to stop before."""
     while writer.await_board():
         try:
@@ -227,7 +227,7 @@ def stop_on_signals() -> Generator[StopRequest, None, None]:
             signal.signal(number, handler)
 
 
-class _Writer:
+class BatchWriter:
     """Writes batches, each exactly once, however often the board goes away in between."""
 
     def __init__(self, board: Client, progress: Progress, stop: StopRequest) -> None:

@@ -39,6 +39,7 @@ def evaluate_search(
     scene: Path | None = None,
     trials: int = 20,
     seed: int = 0,
+    looks_on_the_way: bool = True,
     export: Path | None = None,
     output: Path | None = None,
 ) -> dict[str, Any]:
@@ -49,15 +50,24 @@ def evaluate_search(
         scene: a scene with search volumes; our own room if not given.
         trials: random starts of each.
         seed: of starts and views.
+        looks_on_the_way: whether the robot also looks while it drives.
         export: write every offline trial there.
         output: write the numbers there as JSON.
 
     Returns:
         What `output` gets.
     """
-    world = world_of(load_scene(scene) if scene else hidden_pepper_mill(0).scene)
+    world = world_of(
+        load_scene(scene) if scene else hidden_pepper_mill(0).scene,
+        looks_on_the_way=looks_on_the_way,
+    )
     console = Console(highlight=False)
-    results: dict[str, Any] = {"trials": trials, "seed": seed, "experiments": {}}
+    results: dict[str, Any] = {
+        "trials": trials,
+        "seed": seed,
+        "looks_on_the_way": looks_on_the_way,
+        "experiments": {},
+    }
     everything: list[Trial] = []
     for experiment in experiments:
         planners = planners_for(experiment)

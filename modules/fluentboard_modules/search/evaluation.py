@@ -82,6 +82,7 @@ class World:
         probability: P_i of every volume.
         known: the full map.
         walls: the map of the walls alone.
+        looks_on_the_way: whether the robot also looks while it drives (Section 5.1.5).
     """
 
     scene: Scene
@@ -92,6 +93,7 @@ class World:
     probability: float
     known: OccupancyMap
     walls: OccupancyMap
+    looks_on_the_way: bool = True
 
     def region(self, occupancy: OccupancyMap) -> Region:
         """The search volumes, each with the same probability."""
@@ -125,7 +127,12 @@ class Trial:
     records: dict[str, SearchRecord] = field(default_factory=dict)
 
 
-def world_of(scene: Scene, probability: float = 0.2, threshold: float = 0.05) -> World:
+def world_of(
+    scene: Scene,
+    probability: float = 0.2,
+    threshold: float = 0.05,
+    looks_on_the_way: bool = True,
+) -> World:
     """A world for a PR2 with the settings of Section 5.3.
 
     Raises:
@@ -149,6 +156,7 @@ def world_of(scene: Scene, probability: float = 0.2, threshold: float = 0.05) ->
         probability,
         map_of_scene(scene),
         map_of_scene(scene, chosen=lambda i: i.cls in ("Building", "Wall")),
+        looks_on_the_way,
     )
 
 
@@ -216,6 +224,8 @@ def search_once(
         np.random.default_rng([seed, trial.number, 1]),
         image_width=_IMAGE_WIDTH,
     )
+    if not world.looks_on_the_way:
+        robot.between_frames_m = math.inf
     search = ObjectSearch(
         robot,
         occupancy,

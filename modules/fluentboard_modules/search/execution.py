@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.errors import UnreachableView
-from fluentboard.model.geometry import FloatArray
+from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import SearchConfig
 from fluentboard_modules.search.frontiers import frontiers_of
@@ -96,6 +96,8 @@ class ObjectSearch:
         self.record = SearchRecord(robot.view)
         self.elsewhere: NDArray[np.bool_] = np.zeros(len(region.cells), np.bool_)
         """`(cells,)`; cells that other robots have claimed: this one plans without them."""
+        self.on_frame: Callable[[SensorFrame], object] | None = None
+        """Is shown every frame once it is in the map."""
         if config.object_size_m > 0.0:
             exclude_small_gaps(region, occupancy, config.object_size_m)
 
@@ -108,6 +110,13 @@ class ObjectSearch:
     def occupancy(self) -> OccupancyMap:
         """The map."""
         return self._occupancy
+
+    def cells_seen_from(self, T_map_sensor: Transform) -> NDArray[np.int64]:
+        """Numbers of the unknown cells that a pose of the sensor would show now."""
+        visible = VisibleCells(
+            self._region, self._occupancy, self._robot.model, self._config.sampling
+        )
+        return visible.of_pose(T_map_sensor)
 
     def look_around(self) -> None:
         """Takes in what the robot sees from where it is, before any plan."""
@@ -321,6 +330,8 @@ class ObjectSearch:
             self._occupancy.fade(frame.stamp_s - last, half_life)
         self._last_frame_s = frame.stamp_s
         self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
+        if self.on_frame is not None:
+            self.on_frame(frame)
 
     def _note(self, elapsed_s: float, planning_s: float) -> None:
         seen = self._at_first & ~(self._occupancy.states(self._region.cells) == -1)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fluentboard.model.geometry import FloatArray
+from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.search import view_kernels as kernels
 from fluentboard_modules.search.config import ViewSamplingConfig
 from fluentboard_modules.search.frontiers import Frontiers
@@ -100,7 +100,10 @@ class VisibleCells:
 
     def of(self, view: View) -> NDArray[np.int64]:
         """Numbers of the unknown cells that a view would reveal, in rising order."""
-        T_map_sensor = self._model.T_map_sensor(view)
+        return self.of_pose(self._model.T_map_sensor(view))
+
+    def of_pose(self, T_map_sensor: Transform) -> NDArray[np.int64]:
+        """The same for a pose of the sensor, such as that of another robot's claim."""
         self._mark += 1
         near, far = self._model.range_m
         count = kernels.reveal(

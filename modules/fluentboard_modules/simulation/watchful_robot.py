@@ -8,17 +8,44 @@ import numpy as np
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.simulation.robots import View
+from fluentboard_modules.simulation.noise import NoiseConfig
+from fluentboard_modules.simulation.robots import RobotModel, View
+from fluentboard_modules.simulation.scene import Scene
+from fluentboard_modules.simulation.sensor import RgbdSensor
 from fluentboard_modules.simulation.simulated_robot import SimulatedRobot
 
 _BETWEEN_FRAMES_M = 0.5
+_DEPTH_MAX_M = 9.0
 
 
 class WatchfulSimulatedRobot(SimulatedRobot):
     """Keeps its camera turned to a point while it drives, as the original search does.
 
-    The frames cost no time: the robot is under way anyhow.
+    The frames cost no time: the robot is under way anyhow. Its camera measures up to 9 m, farther
+    than the range within which its model recognises things, so that the air before a distant wall
+    is seen to be free.
+
+    Args: as for `SimulatedRobot`.
     """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        scene: Scene,
+        start: View,
+        rng: np.random.Generator,
+        noise: NoiseConfig | None = None,
+        image_width: int = 640,
+        start_s: float = 1.0,
+    ) -> None:
+        super().__init__(model, scene, start, rng, noise, image_width, start_s)
+        near, far = model.range_m
+        self._sensor = RgbdSensor(
+            model.camera(image_width), noise, (near, max(far, _DEPTH_MAX_M)), name=model.name
+        )
+
+    between_frames_m: float = _BETWEEN_FRAMES_M
+    """How far it drives from one look to the next; infinite for no looks on the way."""
 
     _attention: FloatArray | None = None
     _seen: tuple[tuple[float, SensorFrame], ...] = ()
@@ -36,11 +63,12 @@ class WatchfulSimulatedRobot(SimulatedRobot):
         self._seen = ()
         start, began = self._view, self._time_s
         seconds = super().move_to(view)
-        if self._attention is None or math.hypot(view.x - start.x, view.y - start.y) < 0.05:
+        stays = math.hypot(view.x - start.x, view.y - start.y) < 0.05
+        if self._attention is None or stays or math.isinf(self.between_frames_m):
             return seconds
         points = self._map.path((start.x, start.y), (view.x, view.y)).points
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        stops = np.arange(_BETWEEN_FRAMES_M, along[-1] - 0.1, _BETWEEN_FRAMES_M)
+        stops = np.arange(self.between_frames_m, along[-1] - 0.1, self.between_frames_m)
         self._seen = tuple(
             (share, self._look(points[int(np.searchsorted(along, s))], view, began, seconds, share))
             for s, share in ((s, float(s / along[-1])) for s in stops)

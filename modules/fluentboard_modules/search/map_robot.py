@@ -1,0 +1,135 @@
+"""A robot in a saved occupancy map: searches in real rooms of which only an OctoMap is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fluentboard.errors import InvalidInput, UnreachableView
+from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.search.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
+from fluentboard_modules.simulation.navigation import Costmap, inflated
+from fluentboard_modules.simulation.robots import RobotModel, View
+
+_IMAGE_WIDTH = 160
+_STEP_M = 0.15  # lower than this is floor, to wheels
+_DEPTH_MAX_M = 9.0
+
+
+def costmap_of(occupancy: OccupancyMap, model: RobotModel, floor_z_m: float = 0.0) -> Costmap:
+    """Where a robot can drive by an occupancy map.
+
+    A cell of the floor plan is an obstacle if something occupied stands between the floor and the
+    robot's top, or if nothing is known of that column.
+
+    Args:
+        occupancy: the map.
+        model: of the robot, for radius and height.
+        floor_z_m: height of the floor in the map.
+
+    Raises:
+        InvalidInput: the map knows nothing at that height.
+    """
+    cells, _ = occupancy.known_cells()
+    resolution = occupancy.resolution_m
+    top = floor_z_m + model.camera_height_m + model.torso_m[1]
+    low_z = math.floor((floor_z_m + _STEP_M) / resolution)
+    high_z = math.ceil(top / resolution)
+    band = cells[(cells[:, 2] >= low_z) & (cells[:, 2] < high_z)]
+    if not len(band):
+        raise InvalidInput(f"the map knows nothing between {floor_z_m} m and {top:.2f} m")
+    first = np.array([band[:, 0].min(), band[:, 1].min(), low_z])
+    last = band.max(axis=0)
+    shape = (int(last[0] - first[0] + 1), int(last[1] - first[1] + 1), high_z - low_z)
+    states = occupancy.dense(first, shape)
+    blocked = (states == OCCUPIED).any(axis=2) | (states == UNKNOWN).all(axis=2)
+    origin = (float(first[0]) * resolution, float(first[1]) * resolution)
+    return inflated(np.ascontiguousarray(blocked.T), resolution, origin, model.radius_m)
+
+
+class MapRobot:
+    """A `Robot` whose world is an occupancy map: it looks by casting rays into it.
+
+    Args:
+        model: which robot.
+        world: what is where.
+        start: its first view.
+        floor_z_m: height of the floor in the map.
+        start_s: its clock at the beginning.
+
+    Raises:
+        UnreachableView: it cannot stand at its first view.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        world: OccupancyMap,
+        start: View,
+        floor_z_m: float = 0.0,
+        start_s: float = 1.0,
+    ) -> None:
+        self._model = model.model_copy(
+            update={"camera_height_m": model.camera_height_m + floor_z_m}
+        )
+        self._world = world
+        self._view = start
+        self._time_s = start_s
+        self._index = 0
+        self.costmap = costmap_of(world, model, floor_z_m)
+        self.costmap.path_costs(start.x, start.y)
+        self._camera = model.camera(_IMAGE_WIDTH)
+
+    @property
+    def model(self) -> RobotModel:
+        """Limits, camera and motion times; heights count from the map's zero."""
+        return self._model
+
+    @property
+    def view(self) -> View:
+        """The present configuration."""
+        return self._view
+
+    @property
+    def time_s(self) -> float:
+        """The robot's own clock."""
+        return self._time_s
+
+    def predicted_time_s(self, start: View, goal: View) -> float:
+        """Time to go and look; infinite where no way leads or a joint cannot go."""
+        try:
+            self._model.check(goal)
+            cost = self.costmap.path((start.x, start.y), (goal.x, goal.y)).cost
+        except UnreachableView:
+            return math.inf
+        return self._model.transition_time_s(start, goal, cost)
+
+    def move_to(self, view: View) -> float:
+        """Takes a view; see `Robot`."""
+        self._model.check(view)
+        cost = self.costmap.path((self._view.x, self._view.y), (view.x, view.y)).cost
+        seconds = self._model.motion_time_s(self._view, view, cost)
+        self._view = view
+        self._time_s += seconds
+        return seconds
+
+    def sense(self) -> SensorFrame:
+        """A depth image of the map; what the map does not know is not measured."""
+        self._time_s += self._model.acquisition_s
+        T_map_sensor = self._model.T_map_sensor(self._view)
+        directions = self._camera.rays()
+        rays = T_map_sensor.rotate(directions.reshape(-1, 3))
+        hits = self._world.cast_rays(T_map_sensor.translation, rays, _DEPTH_MAX_M)
+        # To the middle of the cell, which a point on its border might miss.
+        along = hits.length_m + 0.5 * self._world.resolution_m
+        depth = np.where(hits.is_hit, along / np.linalg.norm(rays, axis=1), 0.0)
+        self._index += 1
+        return SensorFrame(
+            depth_m=depth.reshape(directions.shape[:2]).astype(np.float32),
+            camera=self._camera,
+            stamp_s=self._time_s,
+            T_map_sensor=T_map_sensor,
+            sensor=self._model.name,
+            index=self._index - 1,
+        )

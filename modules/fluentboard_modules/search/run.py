@@ -1,0 +1,144 @@
+"""`fluentboard work search` and `fluentboard search`: a robot that searches, and asking for it."""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from fluentboard.clock import SystemClock
+from fluentboard.errors import BoardUnreachable
+from fluentboard.model.fluent import Fluent
+from fluentboard.model.interval import Interval
+from fluentboard_client import Client
+from fluentboard_modules.frames.live import FramePublisher
+from fluentboard_modules.search.config import SearchConfig
+from fluentboard_modules.search.record import SearchRecord
+from fluentboard_modules.search.region import SearchVolume
+from fluentboard_modules.search.request import request_fluents
+from fluentboard_modules.search.worker import SearchWorker
+from fluentboard_modules.search.worlds import open_world
+from fluentboard_modules.worker import stop_on_signals
+
+logger = logging.getLogger(__name__)
+
+_LOOK_AGAIN_S = 0.5
+
+
+def run_search_worker(
+    source: str,
+    board_url: str,
+    *,
+    robot: str = "PR2",
+    name: str = "",
+    map_file: Path | None = None,
+    publish: bool = False,
+    recognise: bool = False,
+    once: bool = False,
+    seed: int = 0,
+    token: str | None = None,
+    config: SearchConfig | None = None,
+    plot: Callable[[SearchWorker], object] | None = None,
+) -> list[SearchRecord]:
+    """Serves search requests of a board with a robot of `source`; see `SearchWorker`.
+
+    Args:
+        source: see `open_world`.
+        board_url: address of the board.
+        robot: model of the robot.
+        name: of the robot on the board; the model's in lower case if not given.
+        map_file: kept map.
+        publish: send frames to the board, as those of the sensor of the robot's name.
+        recognise: in simulation, recognise what is sought without an anchoring worker.
+        once: end after one request.
+        seed: of everything random.
+        token: bearer token.
+        config: for what requests leave open.
+        plot: is shown the worker at the end, to draw pictures.
+    """
+    name = name or robot.lower()
+    world = open_world(source, robot, seed, SystemClock().now_s())
+    with (
+        stop_on_signals() as stop,
+        Client(board_url, author=f"search/{name}", token=token) as board,
+    ):
+        publisher = FramePublisher(board_url, name, token=token) if publish else None
+        worker = SearchWorker(
+            world,
+            board,
+            stop,
+            name=name,
+            config=config,
+            seed=seed,
+            map_file=map_file,
+            publisher=publisher,
+            recognise=recognise,
+        )
+        try:
+            worker.run(once)
+        except BoardUnreachable:
+            if not stop.is_asked:
+                raise
+        finally:
+            if publisher is not None:
+                publisher.close()
+        if plot is not None:
+            plot(worker)
+        return worker.records
+
+
+def ask_for(
+    board_url: str,
+    *,
+    target_class: str = "",
+    target_name: str = "",
+    volumes: Sequence[SearchVolume] = (),
+    source: str = "",
+    settings: Mapping[str, float] | None = None,
+    wait_s: float | None = None,
+    token: str | None = None,
+    told: Callable[[Fluent], object] = lambda progress: None,
+) -> Fluent:
+    """Asks for a search and waits for its end.
+
+    Args:
+        board_url: address of the board.
+        target_class: what is sought, by class.
+        target_name: what is sought, by name.
+        volumes: where; none: above the placing areas on the board.
+        source: where the probabilities shall come from.
+        settings: `hasTimeBudget` and so on.
+        wait_s: at most so long; 0: only ask; None: until it ends.
+        token: bearer token.
+        told: hears of every new progress fluent.
+
+    Returns:
+        The activity as it then stands: with `hasResult` and perhaps `hasFoundObject`, if it ended.
+    """
+    name = f"search_{target_name or target_class}_{uuid.uuid4().hex[:8]}"
+    fluents = request_fluents(
+        name,
+        target_class=target_class,
+        target_name=target_name,
+        volumes=[SearchVolume(f"{v.name}_{name}", v.box, v.probability) for v in volumes],
+        source=source,
+        settings=settings,
+        start=Interval.at(SystemClock().now_s()),
+    )
+    with Client(board_url, author="search-request", token=token) as board:
+        board.assert_fluents(fluents)
+        begun = time.monotonic()
+        heard: set[str] = set()
+        while True:
+            activity = board.fluent(name)
+            for progress in map(str, activity.values("hasSearchProgress")):
+                if progress not in heard:
+                    heard.add(progress)
+                    told(board.fluent(progress))
+            if not activity.finish.is_unknown and activity.values("hasResult"):
+                return activity
+            if wait_s is not None and time.monotonic() - begun >= wait_s:
+                return activity
+            time.sleep(_LOOK_AGAIN_S)
