@@ -25,6 +25,7 @@ SCRIPTS = (
     "simulator",
     "anchoring_context",
     "anchoring_tables",
+    "search",
 )
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"

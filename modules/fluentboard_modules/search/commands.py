@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -18,9 +17,6 @@ from fluentboard_modules.command_options import (
     log_to_stderr,
     needs_extra,
 )
-
-if TYPE_CHECKING:
-    from fluentboard_modules.search.worker import SearchWorker
 
 _EXPERIMENTS = ("offline", "known", "unknown")
 
@@ -112,7 +108,7 @@ def work_search(
         once=once,
         seed=seed,
         token=token,
-        plot=_pictures_in(plot),
+        plot=plot,
     )
     for record in records:
         typer.echo(f"search: {story(record)}", err=True)
@@ -211,19 +207,6 @@ def _tell(progress: Fluent) -> None:
         f"{number('hasExpectedTime'):5.0f} s expected",
         err=True,
     )
-
-
-def _pictures_in(folder: Path | None) -> Callable[[SearchWorker], object] | None:
-    if folder is None:
-        return None
-
-    def draw(worker: SearchWorker) -> None:
-        from fluentboard_modules.search.album import draw_searches
-
-        for path in draw_searches(worker.searches, folder):
-            typer.echo(f"search: drew {path}", err=True)
-
-    return draw
 
 
 def evaluate_search(

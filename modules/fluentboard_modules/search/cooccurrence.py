@@ -61,10 +61,13 @@ def probabilities_from_memory(
                 with_target[n].add(sighting.name)
             elif sighting.is_present:
                 now[n] |= sighting.classes
+    # What is at every place, such as passive objects as such, says nothing.
+    filled = [classes for classes in ever if classes]
+    everywhere = set.intersection(*filled) if len(filled) > 1 else set[str]()
     found: list[float] = []
     for n in range(len(boxes)):
         votes = [_smoothed(bool(with_target[n]), 1 if names[n] else 0)]
-        for class_name in sorted(now[n]):
+        for class_name in sorted(now[n] - everywhere):
             places = [target_class in classes for classes in ever if class_name in classes]
             votes.append(_smoothed(sum(places), len(places)))
         found.append(min(max(max(votes), _LEAST), _MOST))

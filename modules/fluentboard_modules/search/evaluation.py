@@ -48,6 +48,7 @@ from fluentboard_modules.simulation.robots import (
     RobotModel,
     View,
 )
+from fluentboard_modules.simulation.rooms import with_floor
 from fluentboard_modules.simulation.scene import Scene
 from fluentboard_modules.simulation.watchful_robot import WatchfulSimulatedRobot
 
@@ -140,6 +141,8 @@ def world_of(
     """
     if not scene.search_volumes:
         raise InvalidInput("the scene has no search volumes; add search_volumes to its JSON file")
+    if not scene.of_class("Floor"):
+        scene = with_floor(scene, 0.0)  # or rays past a table would come back from nothing
     room = costmap(scene, PR2.radius_m)
     sampling = ViewSamplingConfig(
         camera_height_m=PR2_SEARCH_HEIGHT_M, tilt_rad=PR2_SEARCH_TILT_RAD, time_limit_s=60.0
@@ -155,7 +158,7 @@ def world_of(
         config,
         probability,
         map_of_scene(scene),
-        map_of_scene(scene, chosen=lambda i: i.cls in ("Building", "Wall")),
+        map_of_scene(scene, chosen=lambda i: i.cls in ("Building", "Wall", "Floor")),
         looks_on_the_way,
     )
 

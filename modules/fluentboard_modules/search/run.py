@@ -40,7 +40,7 @@ def run_search_worker(
     seed: int = 0,
     token: str | None = None,
     config: SearchConfig | None = None,
-    plot: Callable[[SearchWorker], object] | None = None,
+    plot: Path | None = None,
 ) -> list[SearchRecord]:
     """Serves search requests of a board with a robot of `source`; see `SearchWorker`.
 
@@ -56,7 +56,7 @@ def run_search_worker(
         seed: of everything random.
         token: bearer token.
         config: for what requests leave open.
-        plot: is shown the worker at the end, to draw pictures.
+        plot: pictures of the searches go there.
     """
     name = name or robot.lower()
     world = open_world(source, robot, seed, SystemClock().now_s())
@@ -74,6 +74,7 @@ def run_search_worker(
             seed=seed,
             map_file=map_file,
             publisher=publisher,
+            plot=plot,
             recognise=recognise,
         )
         try:
@@ -84,8 +85,6 @@ def run_search_worker(
         finally:
             if publisher is not None:
                 publisher.close()
-        if plot is not None:
-            plot(worker)
         return worker.records
 
 

@@ -6,6 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from fluentboard.errors import BoardUnreachable, FluentboardError, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.geometry import BoundingBox
+from fluentboard.model.geometry import BoundingBox, FloatArray
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import AssertFluent, Client, Command, EndFluent, Iri
 from fluentboard_modules.frames.live import FramePublisher
@@ -25,6 +26,7 @@ from fluentboard_modules.search.cooccurrence import Sighting, probabilities_from
 from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
 from fluentboard_modules.search.octomap_files import read_octomap, write_octomap
+from fluentboard_modules.search.pictures import SearchAlbum
 from fluentboard_modules.search.record import SearchRecord, SearchStep
 from fluentboard_modules.search.region import SearchVolume, region_of
 from fluentboard_modules.search.request import (
@@ -62,12 +64,14 @@ class SearchWorker:
     Args:
         world: the robot and where it is.
         board: takes requests from it.
+        stop: how to ask it to stop.
         name: of the robot on the board; several robots share a search by claiming views.
         config: for what requests leave open.
         seed: of the views drawn.
         map_file: an OctoMap that is read at the beginning, if it exists, and written after every
             search.
         publish: send all frames to the board, so that anchoring sees them.
+        plot: pictures of every search go to a folder of its name there.
         recognise: in simulation, write what is sought to the board as soon as a frame shows it; for
             searches without an anchoring worker.
     """
@@ -83,6 +87,7 @@ class SearchWorker:
         seed: int = 0,
         map_file: Path | None = None,
         publisher: FramePublisher | None = None,
+        plot: Path | None = None,
         recognise: bool = False,
     ) -> None:
         self._world = world
@@ -94,14 +99,16 @@ class SearchWorker:
         self._map_file = map_file
         self._publisher = publisher
         self._recognise = recognise
+        self._plot = plot
         self._writer = BatchWriter(board, FrameProgress(), stop)
         self._left: set[str] = set()
+        self._recognised_in: set[str] = set()
         if map_file is not None and map_file.exists():
             self._map = read_octomap(map_file, self._config.sensor)
         else:
             self._map = OccupancyMap(self._config.resolution_m, self._config.sensor)
         self.records: list[SearchRecord] = []
-        self.searches: list[ObjectSearch] = []
+        """Of all searches served."""
 
     def run(self, once: bool = False) -> None:
         """Serves requests until asked to stop, or, with `once`, until one has been served."""
@@ -142,25 +149,44 @@ class SearchWorker:
             self._write(told.result("failed", self._world.robot.time_s))
             return
         self.records.append(search.record)
-        self.searches.append(search)
-        self._search(search, request, told)
+        album = None
+        if self._plot is not None:
+            album = SearchAlbum(self._world.costmap, self._world.robot.model)
+        self._search(search, request, told, album)
+        if album is not None and self._plot is not None:
+            for path in album.draw(search.record, self._plot / activity.name):
+                logger.info("drew %s", path)
         logger.info("search %s for %s: %s", request.name, request.target, story(search.record))
         if self._map_file is not None:
             write_octomap(self._map, self._map_file)
             self._write(self._map_fluents(self._map_file))
 
-    def _search(self, search: ObjectSearch, request: SearchRequest, told: SearchFluents) -> None:
+    def _search(
+        self,
+        search: ObjectSearch,
+        request: SearchRequest,
+        told: SearchFluents,
+        album: SearchAlbum | None,
+    ) -> None:
         robot = self._world.robot
         shown: list[SensorFrame] = []
         search.on_frame = shown.append
         self._write(told.begin(robot.time_s))
         if self._patiently(lambda: self._found(request)) is None:
             search.look_around()
+
+        def claim(planned: SearchStep) -> None:
+            if album is not None:
+                album.look(search, planned)
+            self._write(told.claim(planned, robot.time_s))
+
         while True:
             self._take_note(shown, request)
             found = self._patiently(lambda: self._found(request))
             if found is not None:
                 search.end("found")
+                if album is not None:
+                    album.sought_map = self._patiently(partial(self._place_of, found))
                 self._write(told.result("found", robot.time_s, found))
                 return
             if self._stop.is_asked or not self._patiently(lambda: self._is_open(request.name)):
@@ -171,7 +197,7 @@ class SearchWorker:
                 return
             self._patiently(lambda: self._mind_others(search, request))
             self._patiently(lambda: self._hear_beliefs(search, request))
-            step = search.step(lambda planned: self._write(told.claim(planned, robot.time_s)))
+            step = search.step(claim)
             if step is None:
                 others = self._patiently(lambda: self._others_at_work(request.name))
                 self._write(
@@ -301,6 +327,10 @@ class SearchWorker:
                 return fluent
         return None
 
+    def _place_of(self, thing: Fluent) -> FloatArray:
+        pose = pose_of(self._board.fluent(str(thing.values("hasPose")[-1])))
+        return np.array([pose.x, pose.y, pose.z])
+
     def _is_open(self, name: str) -> bool:
         return self._board.fluent(name).finish.is_unknown
 
@@ -334,8 +364,11 @@ class SearchWorker:
                     self._publisher.send(frame)
                 except BoardUnreachable as problem:
                     logger.info("a frame was not sent: %s", problem)
-            if self._recognise:
-                self._write(self._recognised(frame, request))
+            if self._recognise and request.name not in self._recognised_in:
+                seen = self._recognised(frame, request)
+                if seen:
+                    self._recognised_in.add(request.name)
+                    self._write(seen)
         frames.clear()
 
     def _recognised(self, frame: SensorFrame, request: SearchRequest) -> list[Statement]:

@@ -1,0 +1,185 @@
+"""Searches on a real board: requests, claims of several robots, context, success and cancelling."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.geometry import BoundingBox
+from fluentboard.model.interval import Interval
+from fluentboard_client import Client
+from fluentboard_modules.demo.service_process import ServiceProcess
+from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
+from fluentboard_modules.search.record import SearchRecord
+from fluentboard_modules.search.region import SearchVolume
+from fluentboard_modules.search.request import request_fluents
+from fluentboard_modules.search.worker import SearchWorker
+from fluentboard_modules.search.worlds import open_world
+from fluentboard_modules.simulation.robots import PR2, View
+from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
+from fluentboard_modules.simulation.watchful_robot import WatchfulSimulatedRobot
+from fluentboard_modules.worker import StopRequest
+
+QUICK = SearchConfig(
+    resolution_m=0.1,
+    new_views=5,
+    sampling=ViewSamplingConfig(views=25, rays=(40, 30)),
+    planner=PlannerConfig(rounds_max=3, idle_rounds=2),
+)
+SOURCE = "sim:search?seed=1"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceProcess]:
+    with ServiceProcess(tmp_path_factory.mktemp("search") / "board") as running:
+        yield running
+
+
+HASTY = QUICK.model_copy(update={"time_budget_s": 40.0})
+
+
+@cache
+def volumes_of_the_room() -> Mapping[str, BoundingBox]:
+    return open_world(SOURCE).volumes
+
+
+def ask(board: Client, name: str, *, source: str = "", cls: str = "PepperMill") -> None:
+    volumes = [
+        SearchVolume(f"{name}_{volume}", box, 0.2) for volume, box in volumes_of_the_room().items()
+    ]
+    board.assert_fluents(
+        request_fluents(
+            name, target_class=cls, volumes=volumes, source=source, start=Interval.at(1.0)
+        )
+    )
+
+
+def serve(
+    service: ServiceProcess, robot: str = "pr2", config: SearchConfig = QUICK
+) -> SearchRecord:
+    with Client(service.address, author=f"search/{robot}") as board:
+        worker = SearchWorker(
+            open_world(SOURCE, start_s=2.0),
+            board,
+            StopRequest(),
+            name=robot,
+            config=config,
+            recognise=config is QUICK,
+            seed=len(robot),
+        )
+        worker.run(once=True)
+        return worker.records[-1]
+
+
+def test_a_search_finds_the_mill_and_the_board_tells_the_story(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        ask(board, "search_mill")
+        record = serve(service)
+        assert record.outcome == "found"
+        activity = board.fluent("search_mill")
+        assert not activity.finish.is_unknown
+        assert list(activity.values("hasResult")) == ["found"]
+        (mill,) = activity.values("hasFoundObject")
+        assert board.fluent(str(mill)).class_name == "PepperMill"
+        views = [board.fluent(str(v)) for v in activity.values("hasView")]
+        assert len(views) == len(record.steps)
+        assert not any(view.finish.is_unknown for view in views)
+        seen = [
+            float(board.fluent(str(p)).values("hasCumulativeProbability")[0])
+            for p in activity.values("hasSearchProgress")
+        ]
+        assert seen == sorted(seen)
+        # What is known already needs no search.
+        ask(board, "search_again")
+        assert serve(service).steps == []
+
+
+def test_robots_share_a_search_by_claiming_views(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        ask(board, "search_shared", cls="Vase")
+        records: dict[str, SearchRecord] = {}
+
+        def go(robot: str) -> None:
+            records[robot] = serve(service, robot, HASTY)
+
+        threads = [threading.Thread(target=go, args=(robot,)) for robot in ("left", "right2")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        activity = board.fluent("search_shared")
+        assert not activity.finish.is_unknown
+        assert set(map(str, activity.values("hasRobot"))) == {"left", "right2"}
+        looks = [len(record.steps) for record in records.values()]
+        assert all(looks)
+        assert not any(
+            board.fluent(str(view)).finish.is_unknown for view in activity.values("hasView")
+        )
+
+
+def test_ending_the_activity_cancels_the_search(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        ask(board, "search_cancelled", cls="Candle")
+
+        class Interrupted(WatchfulSimulatedRobot):
+            """Somebody ends the search while it drives to its first view."""
+
+            def move_to(self, view: View) -> float:
+                if board.fluent("search_cancelled").finish.is_unknown:
+                    board.end("search_cancelled", 5.0)
+                return super().move_to(view)
+
+        room = hidden_pepper_mill(1)
+        robot = Interrupted(
+            PR2, room.scene, room.start, np.random.default_rng(0), None, image_width=80, start_s=2.0
+        )
+        world = replace(open_world(SOURCE), robot=robot)
+        worker = SearchWorker(world, board, StopRequest(), name="pr3", config=QUICK)
+        worker.run(once=True)
+        assert worker.records[-1].outcome == "cancelled"
+        assert len(worker.records[-1].steps) == 1
+        assert list(board.fluent("search_cancelled").values("hasResult")) == ["cancelled"]
+
+
+def test_the_context_of_anchoring_sets_the_probabilities(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        ask(board, "search_context", source="context", cls="Flowers")
+        activity = board.fluent("search_context")
+        volumes = [str(v) for v in activity.values("hasSearchVolume")]
+        likely = volumes[-1]
+        for volume in volumes:
+            board.assert_fluents(
+                Fluent(
+                    f"belief_{volume}",
+                    "VolumeBelief",
+                    Interval.at(1.0),
+                    properties=(
+                        Property("isBeliefOfSearch", "SearchObjectActivity", "search_context"),
+                        Property("isBeliefAbout", "SearchVolume", volume),
+                        Property("hasProbability", "xsd:double", 0.9 if volume == likely else 0.01),
+                        Property("hasProbabilitySource", "xsd:string", "context"),
+                    ),
+                )
+            )
+        record = serve(service, config=HASTY)
+        assert record.steps
+        box = volumes_of_the_room()[likely.removeprefix("search_context_")]
+        first = record.steps[0].view
+        away = np.hypot(first.x - box.pose.x, first.y - box.pose.y)
+        assert away < 3.2
+
+
+def test_a_request_that_cannot_be_served_fails(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        board.assert_fluents(Fluent("search_nothing", "SearchObjectActivity", Interval.at(1.0)))
+        with Client(service.address, author="search/pr2") as other:
+            SearchWorker(
+                open_world(SOURCE, start_s=2.0), other, StopRequest(), name="pr2", config=QUICK
+            ).run(once=True)
+        assert list(board.fluent("search_nothing").values("hasResult")) == ["failed"]
