@@ -11,11 +11,13 @@ from pathlib import Path
 from fluentboard_client import AssertFluent, Client, Command, Delta, EndFluent, Event
 from fluentboard_modules.anchoring.anchors import Anchor
 from fluentboard_modules.anchoring.config import AnchoringConfig
+from fluentboard_modules.anchoring.context_model import CrfContextModel
 from fluentboard_modules.anchoring.estimate import BoxEstimate
 from fluentboard_modules.anchoring.pictures import Album, draw_album
 from fluentboard_modules.anchoring.pipeline import AnchoringPipeline
 from fluentboard_modules.anchoring.recognisers import context_of, recogniser_of
 from fluentboard_modules.anchoring.recollection import BoardView, Recollection, recollect
+from fluentboard_modules.anchoring.search_answers import SearchView, answers
 from fluentboard_modules.anchoring.similarity import load_mismatch
 from fluentboard_modules.anchoring.sync import ObjectFluents, Scene
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
@@ -38,6 +40,8 @@ SELECT DISTINCT ?instance WHERE {
   }
   UNION { ?instance a race:Holding }
   UNION { ?instance a race:PlacingArea }
+  UNION { ?instance a race:SearchObjectActivity }
+  UNION { ?instance a race:SearchVolume }
 }
 """
 _OBJECT_CLASSES = ("Kitchenware", "PersonalItem")
@@ -67,6 +71,8 @@ class AnchoringModule:
         self._config = config or AnchoringConfig()
         recogniser = recogniser_of(self._config.recognition)
         context = context_of(self._config.recognition, recogniser)
+        self._context = context if isinstance(context, CrfContextModel) else None
+        self._has_searches = False
         model = self._config.world.association.model
         self._pipeline = AnchoringPipeline(
             recogniser, load_mismatch(Path(model) if model else None), self._config, context, seed
@@ -93,6 +99,7 @@ class AnchoringModule:
             self._fluents.take_names(fluent.name for fluent in board.fluents(class_name))
         statements = list(self._first(board)) if self._first else []
         statements += self._reconcile(_read(board))
+        self._has_searches = True
         if self._world.anchors:
             logger.info("the board knows %d objects", len(self._world.anchors))
         return commands_for(statements)
@@ -111,6 +118,7 @@ class AnchoringModule:
         statements: list[Statement] = []
         if self._is_stale and self._board is not None:
             self._is_stale = False
+            self._has_searches = True
             statements += self._reconcile(_read(self._board))
         step = self._pipeline.update(frame)
         self._last = frame
@@ -118,6 +126,7 @@ class AnchoringModule:
             logger.debug("frame %d: %s", frame.index, decision)
         scene = Scene(self._world.anchors, step.decisions, self._world.looks, frame.stamp_s)
         statements += self._fluents.update(scene)
+        statements += self._answers(frame.stamp_s)
         if self._album is not None:
             self._album.add(frame, self.anchors, step.segmentation.tops)
         return commands_for(statements)
@@ -137,6 +146,16 @@ class AnchoringModule:
     def draw(self, directory: Path) -> Sequence[Path]:
         """The anchors over the colour images."""
         return draw_album(self._album, directory) if self._album is not None else []
+
+    def _answers(self, now_s: float) -> list[Statement]:
+        """Where the targets of open searches may be, if the context model is asked."""
+        if self._context is None or self._board is None or not self._has_searches:
+            return []
+        view = _read_searches(self._board)
+        # No need to look again before the board tells of a change.
+        self._has_searches = bool(view.searches or view.beliefs)
+        objects = [anchor.scene_object() for anchor in self._world.anchors]
+        return answers(view, objects, self._context, now_s)
 
     def _labelled(self, anchor: Anchor) -> Anchor:
         told = self._fluents.written(anchor.identifier)
@@ -249,6 +268,24 @@ def _read(board: Client) -> BoardView:
         for class_name in ("PlacingArea", "Holding", "On", "AnchoringEvidence")
     )
     return BoardView(list(objects.values()), geometry, areas, holdings, relations, evidence)
+
+
+def _read_searches(board: Client) -> SearchView:
+    searches = list(board.fluents("SearchObjectActivity", is_open=True))
+    beliefs = [
+        belief
+        for belief in board.fluents("VolumeBelief", is_open=True)
+        if "context" in belief.values("hasProbabilitySource")
+    ]
+    if not searches:
+        return SearchView([], [], beliefs, {})
+    geometry = {
+        fluent.name: fluent
+        for class_name in ("Pose", "BBox")
+        for fluent in board.fluents(class_name, is_open=True)
+    }
+    volumes = list(board.fluents("SearchVolume", is_open=True))
+    return SearchView(searches, volumes, beliefs, geometry)
 
 
 def run_anchoring(
