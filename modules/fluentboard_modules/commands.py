@@ -293,8 +293,9 @@ def demo(
 ) -> None:
     """Show the whole path: an empty board, a recording, and what the board knows in the end.
 
-    Starts a service on a free port, maps the recording, shows the notifications as they arrive,
-    asks a SPARQL query, and writes pictures and all fluents to the output folder.
+    Starts a service on a free port, maps the recording, shows the notifications as they arrive and
+    asks a SPARQL query. In a simulated restaurant a robot then searches for the pepper mill that a
+    guest asks for. Pictures and all fluents go to the output folder.
     """
     log_to_stderr(verbose)
     with needs_extra("all"):

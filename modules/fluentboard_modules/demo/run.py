@@ -1,4 +1,4 @@
-"""`fluentboard demo`: service, subscription, mapping, query, pictures, one after the other."""
+"""`fluentboard demo`: service, subscription, mapping, query, search, pictures, in turn."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from fluentboard_modules.demo.overview import (
     view_of_frame,
     view_of_scene,
 )
+from fluentboard_modules.demo.searching import can_search, pictures_of, search_scene
 from fluentboard_modules.demo.service_process import ServiceProcess
 from fluentboard_modules.demo.telling import (
     LIVE_QUERY,
@@ -82,8 +83,13 @@ def run_demo(frames: str, *, gravity: Path | None, keep: bool, output: Path) -> 
                 show_findings(console, findings, true_pieces(source))
                 headline(console, "Where can something be put down?")
                 ask(console, board)
+                scene: Scene | None = getattr(source, "scene", None)
+                if scene is not None and can_search(scene) and not stop.is_asked:
+                    headline(console, "A guest asks for the pepper mill")
+                    search_scene(board, console, scene, module.span_s[-1], stop, output)
                 headline(console, "Pictures")
                 written = _draw(board, module, source, findings, output)
+                written += pictures_of(output)
                 for path, what in written:
                     console.print(f"  [bold]{path}[/]  {what}")
             if keep and not stop.is_asked:

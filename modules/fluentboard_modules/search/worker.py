@@ -247,7 +247,11 @@ class SearchWorker:
     def _own_volumes(self, search: str) -> list[tuple[str, BoundingBox]]:
         """Volumes above the placing areas, or those of the world; written to the board."""
         areas = self._board.fluents("PlacingArea", is_open=True)
-        over = volumes_over(areas, self._geometry(is_open=True))
+        over = [
+            volume
+            for volume in volumes_over(areas, self._geometry(is_open=True))
+            if self._holds_cells(*volume[:2])
+        ]
         if not over:
             logger.info("no placing areas on the board; searching the volumes of the world")
             over = [(name, box, "") for name, box in self._world.volumes.items()]
@@ -261,6 +265,15 @@ class SearchWorker:
         statements.append(Fluent(search, "SearchObjectActivity", properties=tuple(links)))
         self._write(statements)
         return [(f"{name}_{search}", box) for name, box, _ in over]
+
+    def _holds_cells(self, name: str, box: BoundingBox) -> bool:
+        """The map is fine enough for a volume; one that it is not is left out, with a warning."""
+        if len(self._map.cells_in(box)):
+            return True
+        logger.warning(
+            "volume %s of %s m holds no cell of the map and is left out", name, box.sizes.round(3)
+        )
+        return False
 
     def _geometry(self, is_open: bool | None = None) -> dict[str, Fluent]:
         classes = ("SearchVolume", "BBox", "Pose")

@@ -66,11 +66,11 @@ def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 
         if not number.isdecimal() or set(chosen) - {"seed"}:
             raise InvalidInput(f"{source!r} is no room to search; give sim:search?seed=1")
         room = hidden_pepper_mill(int(number))
-        return _in_scene(room.scene, robot, room.start, rng, start_s)
+        return world_in_scene(room.scene, robot, room.start, rng, start_s)
     path = Path(source.removeprefix("sim:"))
     if path.suffix == ".json":
         scene = load_scene(path)
-        return _in_scene(
+        return world_in_scene(
             scene, robot, _some_view(costmap(scene, robot.radius_m), rng), rng, start_s
         )
     if path.suffix in (".bt", ".ot"):
@@ -84,9 +84,18 @@ def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 
     )
 
 
-def _in_scene(
+def world_in_scene(
     scene: Scene, model: RobotModel, start: View, rng: np.random.Generator, start_s: float
 ) -> SearchWorld:
+    """A robot in a simulated scene.
+
+    Args:
+        scene: what it stands in.
+        model: of the robot.
+        start: where it stands; its tilt is brought within the robot's limits.
+        rng: draws the sensor noise.
+        start_s: its clock at the beginning, on the board's time axis.
+    """
     low, high = model.tilt_rad
     view = View(start.x, start.y, start.yaw_rad, tilt_rad=min(max(start.tilt_rad, low), high))
     robot = WatchfulSimulatedRobot(
