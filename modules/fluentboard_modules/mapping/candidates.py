@@ -17,6 +17,8 @@ from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
 
 _INSIDE_M = 0.05
+# A backrest alone or a front alone says less than a seat or a board with what belongs to it.
+_ONE_SIDE_MALUS = {"top": 0.0, "front": 15.0, "back": 10.0}
 _EXACT_BONUS = 200.0  # a CAD file that fits says more than the order of the classes
 
 
@@ -55,9 +57,9 @@ class Candidate:
 
     @property
     def preference(self) -> float:
-        """The class's priority, more for a CAD file that fits."""
+        """The class's priority, more for a CAD file that fits, less for a single upright side."""
         if self.fit is None or not self.fit.is_exact:
-            return self.hypothesis.priority
+            return self.hypothesis.priority - _ONE_SIDE_MALUS[self.geometry.main_side]
         return self.hypothesis.priority + _EXACT_BONUS * self.fit.score
 
 
@@ -170,6 +172,8 @@ def choose(
             -c.preference,
             # A seat says more than the backrest alone.
             c.hypothesis.main_label in c.furniture.back_planes,
+            # Of two fronts of one shelf the larger: the other is its side.
+            -c.planes[0].region.area_m2 if c.geometry.main_side == "front" else 0.0,
             -len(c.planes),
             (c.furniture.name, c.main_plane) not in followed,
             -c.n_frames,

@@ -28,6 +28,8 @@ from fluentboard_modules.mapping.area_fluents import WrittenArea, area_fluents, 
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, box_overlap
 from fluentboard_modules.mapping.plane_fluents import plane_fluents
 
+_LEAST_AREA_M = 0.05  # nothing can be put on less
+
 
 class UpdateConfig(BaseModel):
     """How much has to change before the board is told.
@@ -317,7 +319,7 @@ def _placed(
     known: Written, item: FurnitureItem, since: Interval
 ) -> tuple[Written, list[Statement]]:
     """The placing area on top of a piece, new or with a new box."""
-    if item.placing_area is None:
+    if item.placing_area is None or min(item.placing_area.sizes[:2]) < _LEAST_AREA_M:
         return known, []
     name = known.area or f"placingArea{_capitalised(known.name)}"
     stem = f"{_capitalised(name)}_{known.generation}"

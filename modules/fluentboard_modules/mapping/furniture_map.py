@@ -40,6 +40,8 @@ from fluentboard_modules.mapping.rules import (
     partial_hypotheses,
 )
 
+_LEVEL = 0.7  # of a normal's z
+
 
 @dataclass(slots=True)
 class _Track:
@@ -278,7 +280,7 @@ class FurnitureMap:
         self, candidate: Candidate, candidates: list[Candidate], track: _Track | None
     ) -> FurnitureItem:
         furniture = candidate.furniture
-        main = candidate.planes[0].region
+        top = _top_of(candidate)
         seen_now = candidate.main_plane in self._plane_map.planes_seen_last
         return FurnitureItem(
             identifier="" if track is None else track.item.identifier,
@@ -288,7 +290,7 @@ class FurnitureMap:
             placing_area=(
                 None
                 if furniture.back_planes
-                else placing_box(main, candidate.geometry.pose.yaw_rad, self._config.hypotheses)
+                else placing_box(top, candidate.geometry.pose.yaw_rad, self._config.hypotheses)
             ),
             score=candidate.score,
             n_frames=candidate.n_frames,
@@ -369,3 +371,12 @@ class FurnitureMap:
             or resized > config.resized_m
             or abs(new.score - old.score) > config.rescored
         )
+
+
+def _top_of(candidate: Candidate) -> PlanarRegion:
+    """The plane on which things are put: of a piece known by its front, its largest board."""
+    main = candidate.planes[0].region
+    boards = [plane.region for plane in candidate.planes if abs(plane.region.normal[2]) > _LEVEL]
+    if abs(main.normal[2]) > _LEVEL or not boards:
+        return main
+    return max(boards, key=lambda board: board.area_m2)
