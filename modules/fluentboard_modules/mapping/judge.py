@@ -115,6 +115,8 @@ class FurnitureJudge:
         ruling = self._rulings.get(case.key)
         if ruling is None:
             return math.inf
+        if len(case.parts) != len(ruling.case.parts):
+            return 1.0  # more of it, or less, is known
         before, now = ruling.case.geometry, case.geometry
         moved = math.hypot(now.pose.x - before.pose.x, now.pose.y - before.pose.y)
         turned = abs(math.remainder(now.pose.yaw_rad - before.pose.yaw_rad, 0.5 * math.pi))
