@@ -1,4 +1,4 @@
-"""`fluentboard train recogniser|crf` and `fluentboard evaluate anchoring`."""
+"""`fluentboard train recogniser|crf|mismatch` and `fluentboard evaluate anchoring`."""
 
 from __future__ import annotations
 
@@ -41,6 +41,10 @@ def register(train: typer.Typer, evaluate: typer.Typer) -> None:
         "crf",
         epilog="Examples:\n\nfluentboard train crf --graphs out/tables_anchored.npz -o table.npz",
     )(train_crf)
+    train.command(
+        "mismatch",
+        epilog="Examples:\n\nfluentboard train mismatch --scene 1 --scene 7 -o mismatch.json",
+    )(train_mismatch)
     evaluate.command(
         "anchoring",
         epilog="Examples:\n\nfluentboard evaluate anchoring\n\n"
@@ -136,6 +140,60 @@ def train_crf(
         f"{output}: trained on {len(chosen)} graphs ({trained.model.trained_on}), "
         f"{trained.iterations} iterations, objective {trained.objective:.3f}"
         + ("" if trained.has_converged else ", stopped before it converged"),
+        err=True,
+    )
+
+
+def train_mismatch(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="The trained mismatch, .json.")
+    ] = Path("mismatch.json"),
+    scene: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="N", help="A simulated table, 1 to 15; may be repeated. Default: all of them."
+        ),
+    ] = None,
+    features: Annotated[
+        str,
+        typer.Option(metavar="SET", help="Of Table 4.4: a (the thesis's choice), b, c or d."),
+    ] = "a",
+    recogniser: RecogniserFile = "spin-images",
+    frames: Frames = 72,
+    width: Width = 640,
+    seed: Annotated[int, typer.Option(help="Of the data set; another one is other tables.")] = 0,
+    verbose: Verbose = False,
+) -> None:
+    """Train the mismatch of object and anchor: a linear SVM over the features of Table 4.1.
+
+    Anchoring runs past simulated tables, every new track is given to its true anchor, and all pairs
+    of a new track and an untracked anchor are the examples (Section 4.3.3.1).
+    """
+    log_to_stderr(verbose)
+    with needs_extra("anchoring"):
+        import hashlib
+
+        from fluentboard.errors import InvalidInput
+        from fluentboard_modules.anchoring import similarity
+        from fluentboard_modules.anchoring.config import RecognitionConfig
+        from fluentboard_modules.anchoring.evaluation_association import labelled_pairs
+        from fluentboard_modules.anchoring.evaluation_run import record_tables
+        from fluentboard_modules.anchoring.recognisers import recogniser_of
+    names = similarity.FEATURE_SETS.get(features)
+    if names is None:
+        raise InvalidInput(f"no feature set is called {features!r}; they are a, b, c and d")
+    local = recogniser_of(RecognitionConfig(recogniser=recogniser))
+    pairs = labelled_pairs(record_tables(scene or range(1, 16), local, seed, frames, width))
+    values = pairs.features(names)
+    digest = hashlib.sha256(values.tobytes() + pairs.is_same.tobytes()).hexdigest()
+    trained = similarity.train_mismatch(
+        values, pairs.is_same, names, classes=local.classes, fingerprint=digest
+    )
+    trained.save(output)
+    right = float(((trained.rate(values) < 0.0) == pairs.is_same).mean())
+    typer.echo(
+        f"{output}: trained on {len(values)} pairs, {int(pairs.is_same.sum())} of them of one "
+        f"object; {100.0 * right:.1f} % of them decided right",
         err=True,
     )
 

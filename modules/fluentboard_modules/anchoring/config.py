@@ -102,7 +102,7 @@ class SegmentationConfig(_Settings):
         default=0.03, ge=0.0, description="Flat clusters within so narrow a rim are the edge."
     )
     core_share: float = Field(
-        default=0.15,
+        default=0.35,
         ge=0.0,
         le=1.0,
         description="Of an object so many points lie within the rim; what has fewer is behind it.",

@@ -218,7 +218,7 @@ class MismatchModel:
 
 
 def load_mismatch(path: Path | None = None) -> MismatchModel:
-    """A trained mismatch; without a path the one that was trained on simulated tables.
+    """A mismatch from a file; without a path the built-in one, which suits all recognisers.
 
     Raises:
         InvalidInput: the file cannot be read or holds something else.

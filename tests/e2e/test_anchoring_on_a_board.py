@@ -1,0 +1,105 @@
+"""Anchoring against a real board: names outlive a restart, grippers are believed, ends are ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.geometry import Pose
+from fluentboard.model.interval import UNKNOWN, Interval
+from fluentboard_client import Client
+from fluentboard_modules.anchoring.worker import AnchoringModule
+from fluentboard_modules.demo.service_process import ServiceProcess
+from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.simulation import furniture, tableware
+from fluentboard_modules.simulation.noise import NoiseConfig
+from fluentboard_modules.simulation.placement import placed_on, support_of
+from fluentboard_modules.simulation.rooms import empty_room
+from fluentboard_modules.simulation.scene import Instance, Scene
+from fluentboard_modules.simulation.sensor import RgbdSensor
+from fluentboard_modules.simulation.viewpoint import kinect_camera, look_at
+
+EYE, TARGET = (2.0, 0.8, 1.5), (2.0, 2.0, 0.72)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    table = Instance("table1", furniture.table(1.2, 0.8, 0.74), Pose(2.0, 2.0, 0.0))
+    room = empty_room(4.0, 4.0).with_instances([table])
+    mug = placed_on(table, support_of(table), tableware.mug(), "cup", (0.15, 0.0, 0.3))
+    return room.with_instances([mug])
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Client]:
+    with ServiceProcess(tmp_path / "board") as service, Client(service.address) as client:
+        yield client
+
+
+def looks(scene: Scene, first_s: float, count: int = 4) -> list[SensorFrame]:
+    sensor = RgbdSensor(kinect_camera(320), NoiseConfig(), (0.4, 5.0), "camera")
+    T_map_sensor = look_at(np.array(EYE), np.array(TARGET))
+    return [
+        sensor.look(scene, T_map_sensor, first_s + 0.5 * k, np.random.default_rng(k), k)
+        for k in range(count)
+    ]
+
+
+def work(board: Client, module: AnchoringModule, frames: Sequence[SensorFrame]) -> None:
+    for frame in frames:
+        board.batch(module.process(frame))
+
+
+def begun(board: Client) -> AnchoringModule:
+    module = AnchoringModule()
+    board.batch(module.begin(board))
+    return module
+
+
+def objects(board: Client) -> dict[str, Fluent]:
+    found = (*board.fluents("Kitchenware"), *board.fluents("PersonalItem"))
+    return {fluent.name: fluent for fluent in found}
+
+
+def test_an_object_lives_on_the_board(board: Client, scene: Scene) -> None:
+    module = begun(board)
+    work(board, module, looks(scene, 10.0))
+    (thing,) = objects(board).values()
+    assert thing.start == Interval(None, 10.0)
+    assert thing.is_open
+    pose = board.fluent(str(thing.values("hasPose")[-1]))
+    assert float(pose.values("hasX")[-1]) == pytest.approx(2.15, abs=0.03)
+    (evidence,) = board.fluents("AssociationEvidence")
+    assert evidence.values("isEvidenceFor") == (thing.name,)
+    assert evidence.values("hasFunctionality") == ("Discover",)
+
+    # A restart: the same name.
+    module = begun(board)
+    work(board, module, looks(scene, 20.0))
+    assert list(objects(board)) == [thing.name]
+
+    # A gripper holds it: its place is empty, and it stays.
+    held = Property("hasPassiveObject", thing.class_name, thing.name)
+    holding = Fluent("holding1", "Holding", Interval.at(25.0), UNKNOWN, (held,))
+    board.assert_fluents([holding])
+    module = begun(board)
+    work(board, module, looks(scene.without("cup"), 30.0, 6))
+    assert objects(board)[thing.name].is_open
+
+    # It was put back, and then somebody took it away unseen.
+    board.end("holding1", 35.0)
+    module = begun(board)
+    work(board, module, looks(scene, 40.0))
+    assert list(objects(board)) == [thing.name]
+    work(board, module, looks(scene.without("cup"), 50.0, 6))
+    ended = objects(board)[thing.name]
+    assert not ended.is_open
+    assert ended.finish.earliest == pytest.approx(41.5)
+    absent = [
+        e for e in board.fluents("PresenceEvidence") if e.values("hasPresence") == ("absent",)
+    ]
+    assert absent
