@@ -166,7 +166,9 @@ def labelled_pairs(
                     same.append(is_same)
                     number.append(scene.number)
                     true = key if is_same else true
-                memory.bind(one, true)
+                # A second piece of the object in one frame finds its anchor taken.
+                is_free = true is not None and not memory.anchors[true].is_tracked
+                memory.bind(one, true if is_free else None)
     return LabelledPairs(tuple(objects), tuple(partners), np.array(same), np.array(number))
 
 
