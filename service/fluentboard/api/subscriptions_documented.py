@@ -152,7 +152,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "Note what was seen",
             "Where a subscriber that comes without a position of its own goes on from.",
             tag="live",
-            role="write",
+            role="read",
             body={"application/json": Content(schemas.PositionBody, {"position": "4:17"})},
             body_description="The commit or the id of the last event that was handled.",
             answers=_json(200, "The subscription.", schemas.DurableSubscriptionJson),

@@ -229,6 +229,14 @@ class Failed:
 
     problem: FluentboardError
 
+    def __post_init__(self) -> None:
+        # Oxigraph's results must die in the thread that made them, and the frames of a traceback
+        # would take them along to whoever hears of this.
+        error: BaseException | None = self.problem
+        while error is not None:
+            error.__traceback__ = None
+            error = error.__context__
+
     def to_json(self, subscription: str) -> dict[str, Any]:
         """The message as JSON; `subscription` is the name the client gave."""
         return {

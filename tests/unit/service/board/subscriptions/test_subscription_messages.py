@@ -76,3 +76,16 @@ def test_other_messages_say_their_type_and_commit() -> None:
 def test_size_counts_solutions_and_events() -> None:
     change = Change("ask", (), 7, 8, NO_DIFFERENCE, ((8, FluentAdded(MUG)),), None)
     assert len(change) == 1
+
+
+def test_a_failure_takes_no_traceback_along() -> None:
+    try:
+        try:
+            raise ValueError("inner")
+        except ValueError:
+            raise InvalidQuery("outer") from None
+    except InvalidQuery as problem:
+        failed = Failed(problem)
+    assert failed.problem.__traceback__ is None
+    assert failed.problem.__context__ is not None
+    assert failed.problem.__context__.__traceback__ is None
