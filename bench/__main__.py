@@ -70,7 +70,8 @@ def _page() -> str:
             continue
         kept = json.loads(path.read_text(encoding="utf-8"))
         parts.extend(Report(**report).markdown() for report in kept["reports"])
-        parts.append(f"`python -m bench {name}`, {kept['date']}, {kept['machine']}.\n")
+        command = kept.get("command", f"python -m bench {name}")
+        parts.append(f"`{command}`, {kept['date']}, {kept['machine']}.\n")
     return "\n".join(parts)
 
 

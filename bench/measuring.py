@@ -45,13 +45,16 @@ class Report:
         return "\n".join(lines).rstrip() + "\n"
 
     def _medians(self) -> list[str]:
-        lines = [
-            f"| candidate | median, {self.unit} | fluentboard is faster by |",
-            "| --- | --- | --- |",
-        ]
+        heads = ["candidate" if self.ratios else "what", f"median, {self.unit}"]
+        if self.ratios:
+            heads.append("fluentboard is faster by")
+        lines = [f"| {' | '.join(heads)} |", f"|{' --- |' * len(heads)}"]
         for name, value in self.medians.items():
-            ratio = self.ratios.get(name)
-            lines.append(f"| {name} | {value:,.4g} | {'' if ratio is None else f'{ratio:.2f} x'} |")
+            cells = [name, f"{value:,.4g}"]
+            if self.ratios:
+                ratio = self.ratios.get(name)
+                cells.append("" if ratio is None else f"{ratio:.2f} x")
+            lines.append(f"| {' | '.join(cells)} |")
         return lines
 
 

@@ -162,8 +162,7 @@ def table_results(
         "Anchors at the end of the runs",
         tuple(total),
         [tuple(str(count) for count in total.values())],
-        "Duplicates: more than one anchor for an object. Missed objects are mostly cutlery that "
-        "the simulated camera hardly sees.",
+        "Duplicates: more than one anchor for an object.",
     )
     context = evaluate_context(scenes, classes, config, training, map_method)
     other = [cls for cls in classes if cls not in SMALL_CLASSES]
