@@ -93,6 +93,8 @@ def run() -> list[Report]:
         oxigraph.request(
             "POST", "/store?default", {"Content-Type": "application/n-triples"}, text.encode()
         )
+        for connection in (board, lax):  # what the load left to do in the background is done now
+            connection.request("GET", "/sparql?query=ASK%20%7B%7D%20%23%20settled", {})
         return [_queries(board, oxigraph, rdflib_endpoint), _writes(board, lax, oxigraph)]
     finally:
         for server in servers:

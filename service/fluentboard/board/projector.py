@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Sequence
 
 from fluentboard.board.events import Commit
@@ -20,7 +21,9 @@ Listener = Callable[[Sequence[Commit]], None]
 
 _WAITING_EVENTS_MAX = 50_000
 _GROUP_EVENTS_MAX = 20_000
+# How long the next commit is waited for, and all that follow each other as closely.
 _LINGER_S = 0.002
+_LINGER_MAX_S = 0.02
 
 
 class Projector:
@@ -104,7 +107,7 @@ class Projector:
                     return
                 # Nobody reads: a moment later there may be more to apply in the same transaction,
                 # and the writers have the interpreter to themselves meanwhile.
-                self._urgent.wait_for(self._is_urgent, _LINGER_S)
+                self._linger()
                 group = self._next_group()
             try:
                 self._projections.project(group)
@@ -130,6 +133,14 @@ class Projector:
                     listener(group)
                 except Exception:
                     logger.exception("a listener failed on commit %s", group[-1].number)
+
+    def _linger(self) -> None:
+        until_s = time.monotonic() + _LINGER_MAX_S
+        had = 0
+        while had < len(self._waiting) and time.monotonic() < until_s:
+            had = len(self._waiting)
+            if self._urgent.wait_for(self._is_urgent, _LINGER_S):
+                return
 
     def _is_urgent(self) -> bool:
         return self._readers > 0 or self._closing or self._waiting_events >= _GROUP_EVENTS_MAX

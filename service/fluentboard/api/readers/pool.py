@@ -26,6 +26,8 @@ from fluentboard.errors import FluentboardError, QueryTimeout, TooLarge
 logger = logging.getLogger(__name__)
 
 _LOOK_EVERY_S = 0.5
+# A reader that was asked within so many looks is kept up to date even while writes pour in.
+_ASKED_LOOKS = 10
 # Beyond so many changes a new checkpoint is quicker than following the journal.
 _BEHIND_MAX = 20_000
 
@@ -200,7 +202,8 @@ class _Keeper:
         self._pool = pool
         self._reader: ReaderProcess | None = None
         self._seen = 0
-        self._last_look = -1
+        self._last_look: int = -1
+        self._looks_since_asked = _ASKED_LOOKS
 
     @property
     def process_id(self) -> int | None:
@@ -217,7 +220,8 @@ class _Keeper:
                 # While writes pour in, a new checkpoint would be old at once.
                 if self._reader is None or changes == self._last_look:
                     self._start()
-            elif behind:
+            elif behind and (changes == self._last_look or self._looks_since_asked < _ASKED_LOOKS):
+                # While writes pour in and nobody asks, following would only slow them down.
                 self._reader.follow(self._pool.commit)
                 self._seen = changes
         except ReaderEnded:
@@ -229,11 +233,13 @@ class _Keeper:
             self.close()
             logger.exception("no query process")
         self._last_look = changes
+        self._looks_since_asked += 1
 
     def do(self, job: Job) -> None:
         """Has a question answered."""
         if not job.future.set_running_or_notify_cancel():
             return
+        self._looks_since_asked = 0
         try:
             job.future.set_result(self._answer(job))
         except ReaderEnded:
