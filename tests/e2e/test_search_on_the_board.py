@@ -115,6 +115,7 @@ def test_robots_share_a_search_by_claiming_views(service: ServiceProcess) -> Non
             thread.join()
         activity = board.fluent("search_shared")
         assert not activity.finish.is_unknown
+        assert len(activity.values("hasResult")) == 1
         assert set(map(str, activity.values("hasRobot"))) == {"left", "right2"}
         looks = [len(record.steps) for record in records.values()]
         assert all(looks)

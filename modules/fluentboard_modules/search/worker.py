@@ -12,7 +12,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from fluentboard.errors import BoardUnreachable, FluentboardError, UnknownFluent
+from fluentboard.errors import (
+    BoardUnreachable,
+    FluentboardError,
+    NotARefinement,
+    UnknownFluent,
+)
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, FloatArray
 from fluentboard.model.interval import UNKNOWN, Interval
@@ -187,12 +192,14 @@ class SearchWorker:
                 search.end("found")
                 if album is not None:
                     album.sought_map = self._patiently(partial(self._place_of, found))
-                self._write(told.result("found", robot.time_s, found))
+                self._conclude(told, request.name, "found", found)
                 return
             if self._stop.is_asked or not self._patiently(lambda: self._is_open(request.name)):
                 search.end("cancelled")
                 self._write(told.leave(robot.time_s))
-                if not self._stop.is_asked:
+                if not self._stop.is_asked and not self._patiently(
+                    lambda: self._board.fluent(request.name).values("hasResult")
+                ):
                     self._write([_with_result(request.name, "cancelled")])
                 return
             self._patiently(lambda: self._mind_others(search, request))
@@ -200,14 +207,26 @@ class SearchWorker:
             step = search.step(claim)
             if step is None:
                 others = self._patiently(lambda: self._others_at_work(request.name))
-                self._write(
-                    told.leave(robot.time_s)
-                    if others
-                    else told.result(search.record.outcome, robot.time_s)
-                )
+                if others:
+                    self._write(told.leave(robot.time_s))
+                else:
+                    self._conclude(told, request.name, search.record.outcome)
                 return
             self._say(step, request)
             self._write(told.done(step))
+
+    def _conclude(
+        self, told: SearchFluents, search: str, outcome: str, found: Fluent | None = None
+    ) -> None:
+        """Writes how the search ended, unless another robot has just done so."""
+        time_s = self._world.robot.time_s
+        self._write(told.leave(time_s))
+        try:
+            self._write(told.result(outcome, time_s, found))
+        except NotARefinement:
+            if self._patiently(lambda: self._is_open(search)):
+                raise
+            logger.info("search %s was ended by another robot", search)
 
     def _say(self, step: SearchStep, request: SearchRequest) -> None:
         logger.info(
