@@ -27,6 +27,7 @@ from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
 from fluentboard_modules.mapping.area_fluents import WrittenArea, area_fluents, floor_areas
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, box_overlap
 from fluentboard_modules.mapping.plane_fluents import plane_fluents
+from fluentboard_modules.statements import Ending, Statement
 
 _LEAST_AREA_M = 0.05  # nothing can be put on less
 
@@ -121,18 +122,6 @@ class Written:
     areas: tuple[WrittenArea, ...] = ()
     model: str = ""
     written_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Ending:
-    """A fluent that ceased to hold some time within an interval."""
-
-    name: str
-    finish: Interval
-
-
-Statement = Fluent | Ending
-"""A fluent to assert, or to merge into the one of that name; or an ending."""
 
 
 @dataclass(frozen=True, slots=True)

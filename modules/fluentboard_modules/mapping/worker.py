@@ -17,9 +17,7 @@ from fluentboard_modules.mapping.album import Album
 from fluentboard_modules.mapping.cad_library import CadLibrary, load_library
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.furniture_fluents import (
-    Ending,
     FurnitureFluents,
-    Statement,
     UpdateConfig,
 )
 from fluentboard_modules.mapping.furniture_item import FurnitureItem
@@ -38,6 +36,7 @@ from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
 from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.progress import FrameProgress
+from fluentboard_modules.statements import Ending, Statement
 from fluentboard_modules.worker import WorkReport, run, stop_on_signals
 from fluentboard_ontology import read as read_ontology
 

@@ -10,8 +10,9 @@ import pytest
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.mapping.area_fluents import floor_areas
-from fluentboard_modules.mapping.furniture_fluents import Ending, FurnitureFluents
+from fluentboard_modules.mapping.furniture_fluents import FurnitureFluents
 from fluentboard_modules.mapping.furniture_item import CadFit, FurnitureItem
+from fluentboard_modules.statements import Ending
 
 
 def piece(class_name: str, sizes: tuple[float, float, float], yaw: float = 0.0) -> FurnitureItem:

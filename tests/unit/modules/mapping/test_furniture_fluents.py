@@ -11,10 +11,11 @@ from shapely.geometry import MultiPolygon, box
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.geometry import BoundingBox, Pose, Transform
 from fluentboard.model.interval import UNKNOWN, Interval
-from fluentboard_modules.mapping.furniture_fluents import Ending, FurnitureFluents, Statement
+from fluentboard_modules.mapping.furniture_fluents import FurnitureFluents
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.recollection import recollect
+from fluentboard_modules.statements import Ending, Statement
 
 
 def a_table(
