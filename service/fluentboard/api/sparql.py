@@ -133,15 +133,19 @@ class SparqlRoutes:
             )
         (text,) = queries
         base = f"BASE <{own_address(call)}> " if _RELATIVE_IRI.search(text) else ""
-        question = Question(
-            base + text,
-            call.header(b"accept"),
-            tuple(values.get("default-graph-uri", ())),
-            tuple(values.get("named-graph-uri", ())),
-            parameters.time_or_now(values, "at"),
-            parameters.as_of(values, self._board),
-            parameters.certainty(values),
-        )
+        accept = call.header(b"accept")
+        if len(values) == 1:
+            question = Question(base + text, accept)
+        else:
+            question = Question(
+                base + text,
+                accept,
+                tuple(values.get("default-graph-uri", ())),
+                tuple(values.get("named-graph-uri", ())),
+                parameters.time_or_now(values, "at"),
+                parameters.as_of(values, self._board),
+                parameters.certainty(values),
+            )
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:

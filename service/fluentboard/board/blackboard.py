@@ -15,7 +15,6 @@ from typing import Literal
 import pyoxigraph as ox
 
 from fluentboard.board.audit import AuditEntry, AuditFilter
-from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.coming import next_changes
 from fluentboard.board.commands import (
     AssertFluent,
@@ -61,7 +60,6 @@ from fluentboard.errors import (
 )
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import Certainty
-from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
 
@@ -495,7 +493,7 @@ class Blackboard:
         return not self._projections.store.has_functions and mentions_functions(sparql)
 
     def _rewritten(self, sparql: str) -> str:
-        return use_class_closure(sparql, PREFIXES, self.vocabulary.is_node)
+        return self._projections.prepared.rewritten(sparql, self.vocabulary)
 
     def _normalised(self, command: Command) -> Command:
         """The command in the short names the board keeps; unknown classes are refused here."""

@@ -20,6 +20,11 @@ _SUSPECT = re.compile(
 )
 
 
+def needs_repair(query: str) -> bool:
+    """Whether the text has one of the forms on which the engine may go wrong; errs towards yes."""
+    return _SUSPECT.search(query) is not None
+
+
 def repaired(query: str, graphs: Callable[[], Sequence[str]], *, has_dataset: bool = False) -> str:
     """The query in a form that Oxigraph evaluates as SPARQL 1.1 says.
 
@@ -28,7 +33,7 @@ def repaired(query: str, graphs: Callable[[], Sequence[str]], *, has_dataset: bo
         graphs: gives the IRIs of the named graphs that `GRAPH` sees.
         has_dataset: they hold whatever graphs the query names itself.
     """
-    if _SUSPECT.search(query) is None:
+    if not needs_repair(query):
         return query
     tokens = tokens_of(query)
     if not tokens:

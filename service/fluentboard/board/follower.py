@@ -14,7 +14,6 @@ from typing import Literal
 
 import pyoxigraph as ox
 
-from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.events import Commit
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.projections import Projections
@@ -25,7 +24,6 @@ from fluentboard.board.time_view import Perspective
 from fluentboard.board.time_views import TimedResults, TimeViews
 from fluentboard.clock import Clock
 from fluentboard.model.interval import Certainty
-from fluentboard_ontology import PREFIXES
 
 _GROUP_EVENTS_MAX = 20_000
 
@@ -96,7 +94,7 @@ class Follower:
             return self._views.query(sparql, perspective, default_graphs, named_graphs)
         projections = self._projections
         if default_graphs is None:
-            sparql = use_class_closure(sparql, PREFIXES, projections.vocabulary.is_node)
+            sparql = projections.prepared.rewritten(sparql, projections.vocabulary)
         commit, results = projections.store.snapshot_query(
             sparql,
             functions_at=functions_for(sparql, projections.index, self._clock),

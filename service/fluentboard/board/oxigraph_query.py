@@ -9,15 +9,13 @@ from typing import Any
 import pyoxigraph as ox
 
 from fluentboard.board.engine_repairs import repaired
-from fluentboard.board.query_size import check_size
-from fluentboard.board.sparql_tokens import has_word, tokens_of
+from fluentboard.board.prepared_queries import reading
 from fluentboard.errors import InvalidQuery
-from fluentboard_ontology import FB, PREFIXES
+from fluentboard_ontology import FB
 
 QueryResults = ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean
 GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
 
-_PREFIXES = dict(PREFIXES)
 _UNKNOWN_FUNCTION = re.compile(r"The custom function <(.*)> is not supported")
 
 
@@ -42,14 +40,12 @@ def ask(
     Raises:
         InvalidQuery: it does not parse, or cannot be evaluated.
     """
-    check_size(sparql)
+    known = reading(sparql)
     has_dataset = named_graphs is not None
-    if named_graphs is None and "GRAPH" in sparql.upper():
-        # A query that names its dataset sees what it names.
-        names_dataset = "FROM" in sparql.upper() and has_word(tokens_of(sparql), "FROM")
-        named_graphs = None if names_dataset else all_graphs()
+    if named_graphs is None and known.sees_all_graphs:
+        named_graphs = all_graphs()
     options: dict[str, Any] = {
-        "prefixes": _PREFIXES,
+        "prefixes": known.prefixes,
         "default_graph": None if default_graphs is None else list(default_graphs),
         "named_graphs": None if named_graphs is None else list(named_graphs),
         **extra,
@@ -58,7 +54,9 @@ def ask(
     def graphs() -> list[str]:
         return [graph.value for graph in named_graphs or ()]
 
-    text = repaired(sparql, graphs, has_dataset=has_dataset)
+    text = sparql
+    if known.needs_repair:
+        text = repaired(sparql, graphs, has_dataset=has_dataset)
     try:
         return _evaluated(store, text, options)
     except SyntaxError as problem:

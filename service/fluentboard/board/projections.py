@@ -15,6 +15,7 @@ from fluentboard.board.declarations import Declarations
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import Durability, Journal
+from fluentboard.board.prepared_queries import PreparedQueries
 from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.statement_layers import StatementLayers
 from fluentboard.board.triples import event_lines, fluent_lines
@@ -50,6 +51,7 @@ class Projections:
         self.index = index
         self.vocabulary = Vocabulary()
         self.vocabulary_commit = 0
+        self.prepared = PreparedQueries()
         # The writer's thread is ahead of the projector's: each follows what is declared by itself.
         self._declarations = Declarations()
         self._layers = StatementLayers(store.says)

@@ -13,7 +13,6 @@ from typing import Any, Protocol
 import pyoxigraph as ox
 
 from fluentboard.board.believed import Believed
-from fluentboard.board.class_closure import use_class_closure
 from fluentboard.board.projections import Projections
 from fluentboard.board.store import GraphName, QueryResults
 from fluentboard.board.time_functions import mentions_functions, time_functions
@@ -21,7 +20,6 @@ from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.clock import Clock
 from fluentboard.errors import InvalidTime
 from fluentboard.model.interval import Certainty
-from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
 
@@ -97,7 +95,7 @@ class TimeViews:
                     self._clock.now_s() if now_s is None else now_s,
                 )
             if default_graphs is None:
-                sparql = use_class_closure(sparql, PREFIXES, view.vocabulary.is_node)
+                sparql = self._projections.prepared.rewritten(sparql, view.vocabulary)
             results = view.query(
                 sparql, default_graphs=default_graphs, named_graphs=named_graphs, **options
             )
