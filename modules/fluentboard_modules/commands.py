@@ -120,7 +120,7 @@ def work_mapping(
         str,
         typer.Option(
             metavar="NAME",
-            help="compiled, or pellet: the reasoner of the thesis, seconds per frame.",
+            help="compiled, or pellet: the reasoner of the thesis, in a Java process of its own.",
         ),
     ] = "compiled",
     mesh: Annotated[

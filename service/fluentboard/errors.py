@@ -255,6 +255,12 @@ class MissingExtra(FluentboardError):
     code = "missing-extra"
 
 
+class ReasonerFailed(FluentboardError):
+    """The external reasoner does not start or broke down; the compiled rules need none."""
+
+    code = "reasoner-failed"
+
+
 def error_classes() -> dict[str, type[FluentboardError]]:
     """The class of each code, as far as their modules are imported."""
     found: dict[str, type[FluentboardError]] = {}

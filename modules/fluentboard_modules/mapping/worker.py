@@ -213,20 +213,18 @@ def run_mapping(
         models: folder of CAD models named after furniture classes.
         mesh: file for the mesh of the room with the CAD models in it (.ply, .glb).
         ontologies: files in Turtle with more classes of furniture.
-        reasoner: `compiled` or `pellet`, which reads our own ontology only.
+        reasoner: `compiled` or `pellet`.
 
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
     """
     config = MappingConfig()
-    rules = load_rules("\n".join([read_ontology("furniture"), *map(_text, ontologies)]))
-    if reasoner == "pellet" and not ontologies:
-        rules = FurnitureRules(rules.rules, PelletReasoner(rules.rules))
+    turtle = "\n".join([read_ontology("furniture"), *map(_text, ontologies)])
+    rules = load_rules(turtle)
+    if reasoner == "pellet":
+        rules = FurnitureRules(rules.rules, PelletReasoner(rules.rules, turtle))
     elif reasoner != "compiled":
-        raise InvalidInput(
-            f"reasoner {reasoner!r}: give compiled, or pellet without --ontology, which it cannot "
-            "read yet"
-        )
+        raise InvalidInput(f"no reasoner {reasoner!r}; give compiled or pellet")
     with stop_on_signals() as stop:
         source, T_map_world = place(
             open_source(frames, start_s=start_s, token=token),
