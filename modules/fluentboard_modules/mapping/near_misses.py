@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.mapping.compiled_rules import COMPARE
 from fluentboard_modules.mapping.plane_features import FEATURE_UNITS, Measurement, PlaneRelations
-from fluentboard_modules.mapping.rule_evaluation import COMPARE, Evaluation
+from fluentboard_modules.mapping.rule_evaluation import Evaluation
 from fluentboard_modules.mapping.rule_language import (
     And,
     ClassAtom,

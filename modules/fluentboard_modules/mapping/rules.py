@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray, Plane
+from fluentboard_modules.mapping.compiled_rules import compile_rules
 from fluentboard_modules.mapping.near_misses import NearMiss, find_near_misses
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_features import PlaneRelations, measure_features
-from fluentboard_modules.mapping.rule_evaluation import Evaluation, check_rules
+from fluentboard_modules.mapping.rule_checks import check_rules
+from fluentboard_modules.mapping.rule_evaluation import Evaluation
 from fluentboard_modules.mapping.rule_language import (
     And,
-    ClassAtom,
     Expression,
     FurnitureClass,
     Named,
@@ -139,6 +140,9 @@ class FurnitureRules:
     def __init__(self, rules: RuleSet, reasoner: Reasoner | None = None) -> None:
         check_rules(rules)
         self.rules = rules
+        self._compiled = compile_rules(rules)
+        self._plane_classes = _plane_classes(rules)
+        self._label_of = {rule.name: name for name, rule in self._compiled.class_rules}
         self._reasoner = reasoner
 
     @property
@@ -167,16 +171,15 @@ class FurnitureRules:
         entailed = None
         if self._reasoner is not None and regions:
             entailed = self._reasoner.entailed(regions, features)
-        evaluation = Evaluation(self.rules, features, relations, len(regions), entailed)
+        evaluation = Evaluation(self._compiled, features, relations, len(regions), entailed)
         labels: list[set[str]] = [set() for _ in regions]
-        for class_name in self._plane_classes():
+        for class_name in self._plane_classes:
             for plane in evaluation.members(class_name).nonzero()[0]:
                 labels[plane].add(class_name)
         fired: list[list[str]] = [[] for _ in regions]
-        for rule in self.rules.rules:
-            if isinstance(rule.head, ClassAtom):
-                for plane in evaluation.fired(rule).nonzero()[0]:
-                    fired[plane].append(rule.name)
+        for _, rule in self._compiled.class_rules:
+            for plane in evaluation.fired(rule).nonzero()[0]:
+                fired[plane].append(rule.name)
         hypotheses = [
             self._hypothesis(furniture, int(plane), evaluation, fired)
             for furniture in self.rules.furniture.values()
@@ -193,17 +196,6 @@ class FurnitureRules:
                 else ()
             ),
         )
-
-    def _plane_classes(self) -> list[str]:
-        """All classes below Plane, and what rules conclude."""
-        names: list[str] = []
-        pending = ["Plane"]
-        while pending:
-            for child in self.rules.subclasses.get(pending.pop(), ()):
-                if child not in names and child not in self.rules.furniture:
-                    names.append(child)
-                    pending.append(child)
-        return names
 
     def _defined(self, furniture: FurnitureClass, evaluation: Evaluation) -> list[int]:
         """The planes that satisfy a class's own definition, not only that of a subclass."""
@@ -224,13 +216,11 @@ class FurnitureRules:
             parts.extend(_witnesses(definition, plane, evaluation))
         unique = tuple(dict.fromkeys(parts))
         main_first = sorted(unique, key=lambda part: part.plane != plane)
-        heads = {
-            rule.name: rule.head.class_name
-            for rule in self.rules.rules
-            if isinstance(rule.head, ClassAtom)
-        }
         names = [
-            name for part in main_first for name in fired[part.plane] if heads[name] == part.label
+            name
+            for part in main_first
+            for name in fired[part.plane]
+            if self._label_of[name] == part.label
         ]
         return FurnitureHypothesis(
             class_name=furniture.name,
@@ -252,6 +242,18 @@ def load_rules(turtle_text: str) -> FurnitureRules:
         InvalidOntology: the text does not parse, or asks for something that cannot be measured.
     """
     return FurnitureRules(read_rules(turtle_text))
+
+
+def _plane_classes(rules: RuleSet) -> tuple[str, ...]:
+    """All classes below Plane, and what rules conclude."""
+    names: list[str] = []
+    pending = ["Plane"]
+    while pending:
+        for child in rules.subclasses.get(pending.pop(), ()):
+            if child not in names and child not in rules.furniture:
+                names.append(child)
+                pending.append(child)
+    return tuple(names)
 
 
 def _witnesses(expression: Expression, plane: int, evaluation: Evaluation) -> list[PlaneInRole]:
