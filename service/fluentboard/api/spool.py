@@ -20,6 +20,7 @@ import orjson
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, decide
 from fluentboard.board.vocabulary import Vocabulary
+from fluentboard.board.writer import Whole
 from fluentboard.errors import FluentboardError, StorageFailed, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.json_format import fluent_from_json, fluent_to_json
@@ -96,6 +97,42 @@ class Spool:
             last = rows[-1][0]
             yield [fluent_from_json(orjson.loads(statement)) for _, statement in rows]
 
+    def check_shapes(self, size: int) -> Whole | None:
+        """Checks all fluents against the board's shapes, as they would be when all are stored.
+
+        Args:
+            size: how many fluents are looked at together.
+
+        Returns:
+            What the batches are a part of; None if the board has no shapes.
+
+        Raises:
+            ShapeViolation: some violate one.
+        """
+        if not self._board.has_shapes:
+            return None
+        commit = self._board.commit
+        for batch in self.batches(size):
+            made = (self.coming(fluent.name) for fluent in batch)
+            self._board.check_shapes([fluent for fluent in made if fluent], self.coming)
+        return Whole(self.coming, commit)
+
+    def coming(self, name: str) -> Fluent | None:
+        """A fluent as it will be with all of the import on the board, or None.
+
+        Raises:
+            NotARefinement: somebody else has said otherwise meanwhile.
+        """
+        current = self._current(name)
+        with _disk_errors():
+            row = self._rows.execute(
+                "SELECT statement FROM fluent WHERE name = ?", (name,)
+            ).fetchone()
+        if row is None:
+            return current
+        event = decide(AssertFluent(fluent_from_json(orjson.loads(row[0])), merge=True), current)
+        return current if event is None else event.after
+
     def warnings(self) -> list[str]:
         """What is allowed but perhaps not meant; at most 100 of it."""
         found = [f"property {name!r} is in no loaded ontology" for name in self._undeclared]
@@ -155,11 +192,15 @@ class Spool:
         )
 
     def _check_with_board(self, fluent: Fluent) -> None:
+        current = self._current(fluent.name)
+        if current is not None:
+            decide(AssertFluent(fluent, merge=True), current)
+
+    def _current(self, name: str) -> Fluent | None:
         try:
-            current = self._board.fluent(fluent.name)
+            return self._board.fluent(name)
         except UnknownFluent:
-            return
-        decide(AssertFluent(fluent, merge=True), current)
+            return None
 
     def _normalised(self, fluent: Fluent) -> Fluent:
         """The fluent in the short names that the board keeps."""
@@ -189,7 +230,7 @@ class _disk_errors:
         return None
 
     def __exit__(self, kind: Any, error: BaseException | None, traceback: Any) -> None:
-        if isinstance(error, sqlite3.OperationalError):
+        if isinstance(error, sqlite3.OperationalError | sqlite3.ProgrammingError):
             raise StorageFailed(
                 f"the import needs a temporary file, which cannot be written: {error}; make room "
                 "in the folder for temporary files, or set TMPDIR to another one"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import tempfile
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import IO
 
 import pyoxigraph as ox
@@ -34,6 +35,7 @@ from fluentboard.board.owl_time import owl_time_lines, relation_lines
 from fluentboard.board.statement_rules import ProtectedStatement
 from fluentboard.board.triples import fluent_lines
 from fluentboard.board.update_operations import Create, Graph, InsertStatements
+from fluentboard.board.writer import Whole
 from fluentboard.config import LimitSettings
 from fluentboard.errors import (
     FluentboardError,
@@ -83,8 +85,10 @@ class TransferRoutes:
             with tempfile.TemporaryFile(prefix="fluentboard-import-") as file:
                 await self._receive(call, file)
                 await asyncio.to_thread(self._check, file, media_type, target, spool, statements)
+            size = self._limits.import_batch
+            whole = await asyncio.to_thread(spool.check_shapes, size)
             said = await self._say(statements, author)
-            return await self._commit(spool, author, said)
+            return await self._commit(spool, author, said, whole)
 
     async def export_fluents(self, call: Call) -> StreamedReply:
         """`GET /export`: the board as of the commit at which the export began."""
@@ -152,8 +156,8 @@ class TransferRoutes:
                 self.import_fluents,
                 "importFluents",
                 "Import many fluents",
-                "The whole body is read and checked first; if anything in it is wrong, nothing of "
-                "it is stored. Then it is committed in batches. Fluents that are on the board are "
+                "The whole body is read and checked first, against the board, its ontologies and its "
+                "shapes; if anything in it is wrong, nothing of it is stored. Then it is committed in batches. Fluents that are on the board are "
                 "refined, so an import that was interrupted can be repeated.",
                 tag="transfer",
                 role="write",
@@ -291,7 +295,7 @@ class TransferRoutes:
         commit = await outcome(future)
         return sum(change.added.count("\n") for change in commit.statements)
 
-    async def _commit(self, spool: Spool, author: str, said: int) -> Reply:
+    async def _commit(self, spool: Spool, author: str, said: int, whole: Whole | None) -> Reply:
         commits, changed, stored = int(said > 0), 0, 0
         number = self._board.commit
         batches = spool.batches(self._limits.import_batch)
@@ -302,9 +306,11 @@ class TransferRoutes:
             commands = [AssertFluent(fluent, merge=True) for fluent in batch]
             try:
                 commit = await outcome(
-                    await asyncio.to_thread(self._board.submit, commands, author)
+                    await asyncio.to_thread(self._board.submit, commands, author, whole=whole)
                 )
             except FluentboardError as problem:
+                if stored == said == 0:
+                    raise
                 # Checked before, so it was another writer, or the disk. Each batch is whole.
                 raise type(problem)(
                     f"{problem.message}. Before that, {stored:,} of the {spool.count:,} fluents of "
@@ -312,6 +318,9 @@ class TransferRoutes:
                     **{**problem.detail, "stored": stored},
                 ) from None
             stored += len(batch)
+            if whole is not None:
+                is_own = whole.met_at == commit.number - bool(commit.events)
+                whole = replace(whole, met_at=commit.number if is_own else None)
             number = commit.number
             if commit.events:
                 commits += 1

@@ -34,7 +34,7 @@ from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.remote_store import RemoteStore
-from fluentboard.board.shapes import ShapesGuard
+from fluentboard.board.shapes import LookUp, ShapesGuard
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
@@ -48,7 +48,7 @@ from fluentboard.board.vocabulary import (
     SUB_CLASS_OF_OR_SAME,
     Vocabulary,
 )
-from fluentboard.board.writer import Request, Writer
+from fluentboard.board.writer import Request, Whole, Writer
 from fluentboard.clock import Clock, SystemClock
 from fluentboard.errors import (
     FluentboardError,
@@ -81,12 +81,14 @@ class Blackboard:
         >>> board.close()
     """
 
-    def __init__(
-        self, projections: Projections, clock: Clock, guard: ShapesGuard | None = None
-    ) -> None:
+    def __init__(self, projections: Projections, clock: Clock, shapes: Sequence[Path] = ()) -> None:
         self._projections = projections
         self._journal = projections.journal
         self.clock = clock
+        # One for the writer and one for imports, which must not hold the writer up.
+        guard, self._guard_of_imports = (
+            (ShapesGuard(shapes), ShapesGuard(shapes)) if shapes else (None, None)
+        )
         self._projector = Projector(projections)
         self._views = TimeViews(projections, self._projector, clock)
         self._listing = Listing(projections, self._projector)
@@ -131,7 +133,6 @@ class Blackboard:
             InvalidOntology: an ontology file is missing or does not parse.
         """
         clock = clock or SystemClock()
-        guard = ShapesGuard(shapes) if shapes else None
         if data is not None:
             _make_folder(data)
         own = SqliteJournal(data and data / "journal.sqlite", durability)
@@ -151,7 +152,7 @@ class Blackboard:
             if endpoint is not None:
                 endpoint.close()
             raise
-        board = cls(projections, clock, guard)
+        board = cls(projections, clock, shapes)
         try:
             board.load_ontologies(ontologies, builtin=builtin_ontologies)
         except BaseException:
@@ -176,11 +177,18 @@ class Blackboard:
         author: str,
         *,
         idempotency_key: str | None = None,
+        whole: Whole | None = None,
     ) -> Future[Commit]:
         """Asks for a batch, all or nothing; the future is done when it is durable and visible.
 
         A batch that changes nothing gives the present commit number and no events. The same
         idempotency key gives the first answer again.
+
+        Args:
+            commands: the batch.
+            author: whom its commit is attributed to.
+            idempotency_key: tells a repetition from another request.
+            whole: the import that the batch is a part of, if it is.
         """
         try:
             request = Request(
@@ -188,6 +196,7 @@ class Blackboard:
                 author,
                 idempotency_key,
                 _digest(commands, author) if idempotency_key else None,
+                whole=whole,
             )
         except FluentboardError as problem:
             refused: Future[Commit] = Future()
@@ -204,6 +213,24 @@ class Blackboard:
             FluentboardError: the first command that was refused says why; nothing was stored.
         """
         return self.submit(commands, author, idempotency_key=idempotency_key).result()
+
+    def check_shapes(self, fluents: Sequence[Fluent], look_up: LookUp) -> None:
+        """Lets a part of an import pass, or not, while writes go on.
+
+        Args:
+            fluents: as they would be on the board, in the short names of its vocabulary.
+            look_up: gives a fluent as it would be with all of the import.
+
+        Raises:
+            ShapeViolation: with what pySHACL reports.
+        """
+        if self._guard_of_imports is not None:
+            self._guard_of_imports.check(fluents, self.vocabulary, look_up)
+
+    @property
+    def has_shapes(self) -> bool:
+        """Writes have to meet SHACL shapes."""
+        return self._guard_of_imports is not None
 
     @property
     def commit(self) -> int:

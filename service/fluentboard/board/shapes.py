@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
-from fluentboard.board.events import FluentEvent
 from fluentboard.board.triples import fluent_iri, fluent_lines, fluent_name
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.errors import InvalidConfiguration, MissingExtra, ShapeViolation
@@ -28,7 +28,7 @@ LookUp = Callable[[str], Fluent | None]
 
 
 class ShapesGuard:
-    """Refuses batches that violate a shape. Used by the writer's thread.
+    """Refuses batches that violate a shape. Threads that share one take turns.
 
     Args:
         files: shapes in Turtle, RDF/XML or JSON-LD.
@@ -47,6 +47,7 @@ class ShapesGuard:
                 f"shapes need the extra 'shacl' ({problem.name} is missing); install it with: "
                 "pip install 'fluentboard[service,shacl]'"
             ) from None
+        self._taking_turns = Lock()
         self._pyshacl: Any = pyshacl
         self._rdflib: Any = rdflib
         self._shapes: Any = rdflib.Graph()
@@ -63,23 +64,24 @@ class ShapesGuard:
         # Finds mistakes in the shapes now rather than at the first write.
         self._violations(rdflib.Graph(), [])
 
-    def check(self, events: Sequence[FluentEvent], vocabulary: Vocabulary, look_up: LookUp) -> None:
+    def check(self, changed: Sequence[Fluent], vocabulary: Vocabulary, look_up: LookUp) -> None:
         """Lets a batch pass, or not.
 
         Args:
-            events: what the batch would do.
+            changed: the fluents of the batch, as they would be after it.
             vocabulary: gives short names their IRIs, and classes their superclasses.
             look_up: gives other fluents.
 
         Raises:
             ShapeViolation: with what pySHACL reports.
         """
-        fluents = {event.after.name: event.after for event in events}
+        fluents = {fluent.name: fluent for fluent in changed}
         aimed = [f for f in fluents.values() if self._is_aimed_at(f, vocabulary)]
         if not aimed:
             return
         focus = [self._rdflib.URIRef(fluent_iri(fluent.name)) for fluent in aimed]
-        found = self._violations(self._graph(aimed, vocabulary, look_up), focus)
+        with self._taking_turns:
+            found = self._violations(self._graph(aimed, vocabulary, look_up), focus)
         if found:
             first = found[0]
             more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +14,7 @@ from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
 from fluentboard.board.journal import KeyedCommit
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Projector
-from fluentboard.board.shapes import ShapesGuard
+from fluentboard.board.shapes import LookUp, ShapesGuard
 from fluentboard.clock import Clock
 from fluentboard.errors import (
     FluentboardError,
@@ -31,6 +31,20 @@ _AT_ONCE_COMMANDS_MAX = 16
 
 
 @dataclass(frozen=True, slots=True)
+class Whole:
+    """What a batch is a part of: an import, which has to meet the shapes as a whole.
+
+    Attributes:
+        look_up: gives a fluent as it will be when all of the import is on the board.
+        met_at: the commit after which all of it was found to meet the shapes; None if that was not
+            looked at, or somebody else has written since.
+    """
+
+    look_up: LookUp
+    met_at: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class Request:
     """A batch that somebody waits for.
 
@@ -42,6 +56,7 @@ class Request:
         statements: what changes outside fluents.
         derive: works out instead what changes outside fluents; called by the writer when the RDF
             store has all commits before, and nothing can come in between.
+        whole: what the batch is a part of; None if it stands for itself.
         answer: the commit, or why there is none.
     """
 
@@ -51,6 +66,7 @@ class Request:
     digest: str | None = None
     statements: tuple[StatementsChanged, ...] = ()
     derive: Callable[[], tuple[StatementsChanged, ...]] | None = None
+    whole: Whole | None = None
     answer: Future[Commit] = field(default_factory=lambda: Future[Commit]())
 
 
@@ -249,17 +265,35 @@ class Writer:
             statements = request.derive()
         if not events and not statements:
             return Commit(number - 1, self._clock.now_s(), request.author)
-        if self._guard_of_shapes is not None and events:
-            self._guard_of_shapes.check(
-                events,
-                self._projections.vocabulary,
-                lambda name: self._current(name, fresh, pending),
-            )
+        self._check_shapes(request, number, events, fresh, pending)
         pending.update(fresh)
         commit = Commit(
             number, self._clock.now_s(), request.author, tuple(events), statements, reason
         )
         return KeyedCommit(commit, request.key, request.digest)
+
+    def _check_shapes(
+        self,
+        request: Request,
+        number: int,
+        events: Sequence[FluentEvent],
+        fresh: dict[str, Fluent],
+        pending: dict[str, Fluent],
+    ) -> None:
+        whole = request.whole
+        if self._guard_of_shapes is None or not events:
+            return
+        if whole is not None and whole.met_at == number - 1:
+            return
+
+        def look_up(name: str) -> Fluent | None:
+            found = fresh.get(name)
+            if found is None and whole is not None:
+                found = whole.look_up(name)
+            return self._current(name, fresh, pending) if found is None else found
+
+        fluents = [event.after for event in events]
+        self._guard_of_shapes.check(fluents, self._projections.vocabulary, look_up)
 
     def _earlier_answer(
         self, request: Request, accepted: list[tuple[Request, KeyedCommit]]
