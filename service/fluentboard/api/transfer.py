@@ -156,8 +156,9 @@ class TransferRoutes:
                 self.import_fluents,
                 "importFluents",
                 "Import many fluents",
-                "The whole body is read and checked first, against the board, its ontologies and its "
-                "shapes; if anything in it is wrong, nothing of it is stored. Then it is committed in batches. Fluents that are on the board are "
+                "The whole body is read and checked first, against the board, its ontologies and "
+                "its shapes; if anything in it is wrong, nothing of it is stored. Then it is "
+                "committed in batches. Fluents that are on the board are "
                 "refined, so an import that was interrupted can be repeated.",
                 tag="transfer",
                 role="write",
