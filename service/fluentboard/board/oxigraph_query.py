@@ -10,12 +10,14 @@ import pyoxigraph as ox
 
 from fluentboard.board.engine_repairs import repaired
 from fluentboard.board.prepared_queries import reading
+from fluentboard.board.sparql_tokens import declared_prefixes, tokens_of
 from fluentboard.errors import InvalidQuery
-from fluentboard_ontology import FB
+from fluentboard_ontology import FB, PREFIXES
 
 QueryResults = ox.QuerySolutions | ox.QueryTriples | ox.QueryBoolean
 GraphName = ox.NamedNode | ox.BlankNode | ox.DefaultGraph
 
+_UNKNOWN_PREFIX = "Prefix not found"
 _UNKNOWN_FUNCTION = re.compile(r"The custom function <(.*)> is not supported")
 
 
@@ -61,9 +63,28 @@ def ask(
         return _evaluated(store, text, options)
     except SyntaxError as problem:
         message = str(problem) if text is sparql else _complaint(store, sparql, options)
+        if _UNKNOWN_PREFIX in message and (unknown := undeclared_prefixes(sparql)):
+            raise InvalidQuery(
+                f"the prefix {unknown[0]!r} is not declared; add PREFIX {unknown[0]}: <...>, or "
+                f"use one that needs no declaration: {', '.join(PREFIXES)}",
+                undeclared=unknown,
+            ) from None
         raise InvalidQuery(f"the query does not parse: {message}") from None
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None
+
+
+def undeclared_prefixes(sparql: str) -> list[str]:
+    """The prefixes that a query uses, in its order, without having declared them.
+
+    Example:
+        >>> undeclared_prefixes("SELECT * { ?a foaf:knows ?b . ?b a race:Mug }")
+        ['foaf']
+    """
+    tokens = tokens_of(sparql)
+    known = {*PREFIXES, *declared_prefixes(tokens)}
+    used = (token.text.partition(":")[0] for token in tokens if token.kind == "pname")
+    return [prefix for prefix in dict.fromkeys(used) if prefix not in known]
 
 
 def _evaluated(store: ox.Store, text: str, options: dict[str, Any]) -> QueryResults:

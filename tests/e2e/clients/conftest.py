@@ -34,7 +34,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("clients")
     settings = folder / "settings.yaml"
     settings.write_text(
-        "storage: {durability: process}\nsecurity: {cors_origins: ['https://yasgui.example.org']}\n"
+        "storage: {durability: process}\n"
+        "security: {cors_origins: ['https://yasgui.example.org', 'http://yasgui.example.org']}\n"
     )
     arguments = ("--config", str(settings))
     with ServiceProcess(folder / "board", arguments=arguments) as service:

@@ -46,3 +46,14 @@ def test_sepa_js_hears_what_comes_and_goes(address: str, run_script: Callable[..
         {"sequence": 1, "added": ["urn:cup1"], "removed": []},
         {"sequence": 2, "added": [], "removed": ["urn:cup1"]},
     ]
+
+
+def test_yasgui_shows_what_a_query_finds(address: str, run_script: Callable[..., str]) -> None:
+    shown = json.loads(run_script("yasgui.mjs", address + "/sparql"))
+    assert shown["mugs"] == [f"{row}<{mug}>" for row, mug in enumerate(MUGS, start=1)]
+    assert shown["asked"]
+    # The page shows what the board says of a mistake.
+    assert "the prefix 'nowhere' is not declared" in shown["complaint"]
+    requests = [(request["method"], request["status"]) for request in shown["requests"]]
+    assert requests == [("POST", 200), ("POST", 200), ("POST", 400)]
+    assert all(request["asks"] for request in shown["requests"])

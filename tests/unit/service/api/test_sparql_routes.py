@@ -353,3 +353,10 @@ def test_a_query_that_takes_too_long_is_given_up(make_api: Callable[..., httpx.C
     reply = ask(hurried, SLOW)
     assert code(reply) == (503, "query-timeout")
     assert reply.json()["timeout_s"] == 0.001
+
+
+def test_undeclared_prefix_is_named(api: httpx.Client) -> None:
+    reply = api.get("/sparql", params={"query": "SELECT * { ?a foaf:knows ?b . ?b a race:Mug }"})
+    assert reply.status_code == 400
+    assert "the prefix 'foaf' is not declared" in reply.json()["detail"]
+    assert reply.json()["undeclared"] == ["foaf"]
