@@ -182,8 +182,8 @@ def work_anchoring(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="A trained recogniser, or spin-images: the built-in one for tableware. Default: "
-            "geometric, by size and shape.",
+            help="A trained recogniser; spin-images: the built-in one for tableware; detections: "
+            "what an external detector posts to the board. Default: geometric, by size and shape.",
         ),
     ] = None,
     context: Annotated[

@@ -8,10 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fluentboard.model.detection import ImageBox, ObjectDetection, detection_fluents
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
+from fluentboard_modules.anchoring.config import (
+    AnchoringConfig,
+    DetectionsConfig,
+    RecognitionConfig,
+)
 from fluentboard_modules.anchoring.worker import AnchoringModule
 from fluentboard_modules.demo.service_process import ServiceProcess
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -103,3 +109,24 @@ def test_an_object_lives_on_the_board(board: Client, scene: Scene) -> None:
         e for e in board.fluents("PresenceEvidence") if e.values("hasPresence") == ("absent",)
     ]
     assert absent
+
+
+def test_an_external_detector_says_what_an_object_is(board: Client, scene: Scene) -> None:
+    recognition = RecognitionConfig(
+        recogniser="detections",
+        detections=DetectionsConfig(names={"sugar bowl": "SugarPot"}, wait_s=0.0),
+    )
+    module = AnchoringModule(AnchoringConfig(recognition=recognition))
+    board.batch(module.begin(board))
+    label = next(thing.label for thing in scene.instances if thing.name == "cup")
+    for frame in looks(scene, 10.0):
+        assert frame.labels is not None
+        rows, columns = np.nonzero(frame.labels == label)
+        box = ImageBox(columns.min(), rows.min(), columns.max(), rows.max(), "depth")
+        seen = ObjectDetection({"sugar bowl": 0.95, "Mug": 0.03}, box)
+        board.assert_fluents(detection_fluents([seen], frame.stamp_s, frame.sensor))
+        board.batch(module.process(frame))
+    (thing,) = objects(board).values()
+    assert thing.class_name == "SugarPot"
+    (evidence,) = board.fluents("ClassEvidence", is_open=True)
+    assert evidence.values("hasConfidence")[-1] == pytest.approx(0.95)

@@ -319,14 +319,53 @@ class UpdateConfig(_Settings):
     )
 
 
+class DetectionsConfig(_Settings):
+    """Detections that an external detector posts to the board; see docs/reference/detectors.md."""
+
+    fallback: str = Field(
+        default="geometric",
+        description="Recogniser of clusters that no detection fits: `geometric`, `spin-images` or "
+        "a file.",
+    )
+    classes: tuple[str, ...] = Field(
+        default=(), description="Classes of the detector that the fallback does not know."
+    )
+    names: dict[str, str] = Field(
+        default={}, description="Class of the ontology by the detector's name, where they differ."
+    )
+    image_overlap_min: float = Field(
+        default=0.3,
+        gt=0.0,
+        le=1.0,
+        description="Of the boxes of detection and cluster in the image, as IoU: occluded objects "
+        "have boxes around what is hidden, too.",
+    )
+    box_overlap_min: float = Field(
+        default=0.1,
+        gt=0.0,
+        le=1.0,
+        description="Of boxes in the map, as IoU: the far side of an object is not seen.",
+    )
+    tolerance_s: float = Field(
+        default=0.01, ge=0.0, description="By which stamps of frame and detection may differ."
+    )
+    wait_s: float = Field(
+        default=0.5, ge=0.0, description="How long a frame waits for its detections."
+    )
+
+
 class RecognitionConfig(_Settings):
     """What rates the classes of single clusters and of whole scenes."""
 
     recogniser: str = Field(
         default="geometric",
-        description="`geometric`, or the file of a trained recogniser.",
+        description="`geometric`, `spin-images`, `detections` of an external detector, or the file "
+        "of a trained recogniser.",
     )
-    context: str | None = Field(default=None, description="File of a trained context model.")
+    context: str | None = Field(
+        default=None, description="`tableware`, or the file of a trained context model."
+    )
+    detections: DetectionsConfig = DetectionsConfig()
 
 
 class AnchoringConfig(_Settings):

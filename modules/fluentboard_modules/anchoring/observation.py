@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import BoundingBox, FloatArray
+from fluentboard_modules.frames.sensor_frame import SensorFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,6 +125,22 @@ class Recogniser(Protocol):
 
     def recognise(self, cluster: Cluster) -> FloatArray:
         """`(k,)`; confidence per class, in the order of `classes`, each in [0, 1]."""
+        ...
+
+
+@runtime_checkable
+class FrameRecogniser(Protocol):
+    """Local recognition of all clusters of a frame at once, for those that look at whole images."""
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The classes it can tell apart, as named in the ontology."""
+        ...
+
+    def recognise_frame(
+        self, clusters: Sequence[Cluster], frame: SensorFrame
+    ) -> Sequence[FloatArray]:
+        """Per cluster `(k,)`; confidence per class, in the order of `classes`, each in [0, 1]."""
         ...
 
 

@@ -11,6 +11,7 @@ from fluentboard_modules.anchoring.config import AnchoringConfig
 from fluentboard_modules.anchoring.observation import (
     ContextModel,
     Detection,
+    FrameRecogniser,
     Recogniser,
     Recognition,
 )
@@ -77,14 +78,18 @@ class AnchoringPipeline:
     def update(self, frame: SensorFrame) -> Step:
         """Everything that the next frame leads to."""
         segmentation = self.observe(frame)
-        detections = self.recognise(segmentation)
+        detections = self.recognise(segmentation, frame)
         decisions = self.world.update(detections, frame)
         return Step(segmentation, tuple(detections), tuple(decisions))
 
-    def recognise(self, segmentation: Segmentation) -> Sequence[Detection]:
-        """The clusters with the confidence of each class."""
-        classes = self._recogniser.classes
+    def recognise(self, segmentation: Segmentation, frame: SensorFrame) -> Sequence[Detection]:
+        """The clusters of a frame with the confidence of each class."""
+        recogniser, clusters = self._recogniser, segmentation.clusters
+        if isinstance(recogniser, FrameRecogniser):
+            confidences = recogniser.recognise_frame(clusters, frame)
+        else:
+            confidences = [recogniser.recognise(cluster) for cluster in clusters]
         return [
-            Detection(cluster, Recognition(classes, self._recogniser.recognise(cluster)))
-            for cluster in segmentation.clusters
+            Detection(cluster, Recognition(recogniser.classes, confidence))
+            for cluster, confidence in zip(clusters, confidences, strict=True)
         ]

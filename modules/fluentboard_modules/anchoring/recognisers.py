@@ -11,15 +11,38 @@ from fluentboard_modules.anchoring.context_model import CrfContextModel
 from fluentboard_modules.anchoring.crf_files import load_crf
 from fluentboard_modules.anchoring.geometric import GeometricRecogniser
 from fluentboard_modules.anchoring.observation import ContextModel, Recogniser
+from fluentboard_modules.anchoring.recogniser_detections import (
+    DetectionRecogniser,
+    DetectionSource,
+)
 from fluentboard_modules.anchoring.recogniser_spin_images import load_recogniser
 
 
-def recogniser_of(config: RecognitionConfig) -> Recogniser:
+def recogniser_of(
+    config: RecognitionConfig, detections: DetectionSource | None = None
+) -> Recogniser:
     """The recogniser of a configuration.
+
+    Args:
+        config: its name.
+        detections: what an external detector posts; None where there is no board to ask.
 
     Raises:
         InvalidInput: there is no such file, or it holds something else.
     """
+    if config.recogniser == "detections":
+        if detections is None:
+            raise InvalidInput(
+                "detections of an external detector are on a board, and there is none here; give "
+                "geometric, spin-images, or the file of a trained recogniser"
+            )
+        if config.detections.fallback == "detections":
+            raise InvalidInput(
+                "recognition.detections.fallback = 'detections' rates nothing that no detection "
+                "fits; give geometric, spin-images, or the file of a trained recogniser"
+            )
+        fallback = recogniser_of(RecognitionConfig(recogniser=config.detections.fallback))
+        return DetectionRecogniser(detections, fallback, config.detections)
     if config.recogniser == "geometric":
         return GeometricRecogniser()
     if config.recogniser == "spin-images":
@@ -27,8 +50,8 @@ def recogniser_of(config: RecognitionConfig) -> Recogniser:
     path = Path(config.recogniser)
     if not path.exists():
         raise InvalidInput(
-            f"no recogniser is called {config.recogniser!r}; give geometric, spin-images, or the "
-            "file of a trained one"
+            f"no recogniser is called {config.recogniser!r}; give geometric, spin-images, "
+            "detections, or the file of a trained one"
         )
     return load_recogniser(path)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 
 from fluentboard.model.geometry import BoundingBox
@@ -20,6 +19,7 @@ from fluentboard_modules.anchoring.anchors import Anchor, Functionality
 from fluentboard_modules.anchoring.association import Match, assign_objects, gated_mismatch
 from fluentboard_modules.anchoring.config import WorldConfig
 from fluentboard_modules.anchoring.observation import ContextModel, Detection
+from fluentboard_modules.anchoring.overlaps import shared_footprint
 from fluentboard_modules.anchoring.removal import Look, Presence, look_at
 from fluentboard_modules.anchoring.similarity import Appearance, MismatchModel
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -319,31 +319,3 @@ def _appearance_of(detection: Detection) -> Appearance:
     cluster = detection.cluster
     is_part = cluster.is_cut_off or cluster.is_occluded
     return Appearance(cluster.box, detection.recognition.confidence, is_part)
-
-
-def shared_footprint(a: BoundingBox, b: BoundingBox, *, of_first: bool = False) -> float:
-    """Share of the smaller footprint that both boxes cover, 0 to 1; 0 if one is above the other.
-
-    Args:
-        a: a box.
-        b: another one.
-        of_first: of the footprint of `a` instead.
-    """
-    apart = abs(a.pose.z - b.pose.z) - 0.5 * (a.z_size + b.z_size)
-    reach = 0.5 * (np.hypot(a.x_size, a.y_size) + np.hypot(b.x_size, b.y_size))
-    if apart > 0.0 or np.hypot(a.pose.x - b.pose.x, a.pose.y - b.pose.y) > reach:
-        return 0.0
-    rectangles = [
-        (
-            (box.pose.x, box.pose.y),
-            (max(box.x_size, 1e-3), max(box.y_size, 1e-3)),
-            float(np.degrees(box.pose.yaw_rad)),
-        )
-        for box in (a, b)
-    ]
-    _, corners = cv2.rotatedRectangleIntersection(*rectangles)
-    if corners is None or len(corners) < 3:
-        return 0.0
-    common = cv2.contourArea(cv2.convexHull(corners))
-    areas = [width * depth for _, (width, depth), _ in rectangles]
-    return float(min(1.0, common / (areas[0] if of_first else min(areas))))

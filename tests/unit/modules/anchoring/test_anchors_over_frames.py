@@ -146,7 +146,7 @@ def test_without_tracks_anchors_are_reacquired_in_every_frame(render: Render) ->
         frame = render([TABLE, MUG], stamp_s=1.0 + k)
         detections = [
             replace(d, cluster=replace(d.cluster, track_id=None))
-            for d in pipeline.recognise(pipeline.observe(frame))
+            for d in pipeline.recognise(pipeline.observe(frame), frame)
         ]
         decisions = [d.functionality for d in pipeline.world.update(detections, frame)]
         assert decisions[-1] is (Functionality.REACQUIRE if k else Functionality.DISCOVER)
