@@ -160,6 +160,11 @@ class TrackingConfig(_Settings):
     patience_s: float = Field(
         default=0.7, ge=0.0, description="A track survives so long without being seen."
     )
+    pause_max_s: float = Field(
+        default=3.0,
+        ge=0.0,
+        description="Of slower frames, the next one continues tracks if it comes so soon.",
+    )
 
 
 class FilterConfig(_Settings):

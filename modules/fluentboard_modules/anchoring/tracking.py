@@ -35,6 +35,7 @@ class Tracker:
         self._config = config
         self._tracks: list[_Track] = []
         self._issued = 0
+        self._last_s = 0.0
 
     def update(self, clusters: Sequence[Cluster], now_s: float) -> list[Cluster]:
         """The same clusters with their track identifiers, in the same order.
@@ -44,9 +45,15 @@ class Tracker:
             now_s: time of the frame; the tracks start anew when it is before the last one.
         """
         config = self._config
+        # What the very last frame showed goes on in this one, however slow the frames come.
+        is_next = 0.0 <= now_s - self._last_s <= config.pause_max_s
         self._tracks = [
-            track for track in self._tracks if 0.0 <= now_s - track.last_seen_s <= config.patience_s
+            track
+            for track in self._tracks
+            if 0.0 <= now_s - track.last_seen_s <= config.patience_s
+            or (is_next and track.last_seen_s == self._last_s)
         ]
+        self._last_s = now_s
         cost = np.full((len(clusters), len(self._tracks)), _NEVER)
         for i, cluster in enumerate(clusters):
             for j, track in enumerate(self._tracks):
@@ -77,7 +84,8 @@ class Tracker:
     def _cost(self, cluster: Cluster, track: _Track, now_s: float) -> float:
         config = self._config
         distance = float(np.linalg.norm(cluster.centroid_map - track.centre_map))
-        reach = config.reach_m + config.reach_per_s * (now_s - track.last_seen_s)
+        elapsed_s = min(now_s - track.last_seen_s, config.patience_s)
+        reach = config.reach_m + config.reach_per_s * elapsed_s
         longest = max(cluster.box.x_size, cluster.box.y_size, cluster.box.z_size)
         # Half of a large object is as far from its whole as a mug is long.
         reach += 0.25 * abs(longest - track.longest_m)

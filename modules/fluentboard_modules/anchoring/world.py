@@ -24,7 +24,7 @@ from fluentboard_modules.anchoring.removal import Look, Presence, look_at
 from fluentboard_modules.anchoring.similarity import Appearance, MismatchModel
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 
-_PENDING_S = 2.0  # what has not been seen again for so long was nothing
+_PENDING_S = 3.0  # what has not been seen again for so long was nothing
 
 
 @dataclass(frozen=True, slots=True)
