@@ -97,8 +97,9 @@ def test_the_colour_camera_may_be_another_one(frame: SensorFrame) -> None:
     rows, columns = np.nonzero(frame.labels == 3)
     rays = frame.camera.rays()[rows, columns] * frame.depth_m[rows, columns, None]
     places = camera.project(shifted.apply(rays))
-    low, high = places.min(axis=0), places.max(axis=0)
-    mug = ObjectDetection({"Mug": 1.0}, ImageBox(*low.tolist(), *high.tolist(), "colour"))
+    left, top = places.min(axis=0).tolist()
+    right, bottom = places.max(axis=0).tolist()
+    mug = ObjectDetection({"Mug": 1.0}, ImageBox(left, top, right, bottom, "colour"))
     told = recognised(both, DetectionsConfig(image_overlap_min=0.8), mug)
     assert told["right"] == pytest.approx([0.0, 1.0])
     assert told["left"] == pytest.approx([0.5, 0.5])

@@ -59,7 +59,7 @@ def test_a_detection_that_says_too_little_is_left_out(caplog: pytest.LogCaptureF
 @pytest.mark.parametrize(
     "sides", [(5.0, 0.0, 5.0, 9.0), (0.0, 9.0, 5.0, 1.0), (0.0, 0.0, 1e400, 1)]
 )
-def test_an_empty_or_endless_image_box_is_refused(sides: tuple[float, ...]) -> None:
+def test_an_empty_or_endless_image_box_is_refused(sides: tuple[float, float, float, float]) -> None:
     with pytest.raises(InvalidInput):
         ImageBox(*sides)
 
