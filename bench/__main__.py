@@ -16,6 +16,7 @@ SCRIPTS = (
     "insert",
     "queries",
     "what_holds",
+    "million",
     "http_service",
     "subscriptions",
     "crowd",

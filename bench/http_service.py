@@ -64,7 +64,7 @@ def run() -> list[Report]:
     """Both measurements, with all servers up at the same time."""
     folder = Path(tempfile.mkdtemp(prefix="fluentboard-bench-"))
     binaries = Path(sys.executable).parent
-    ports = [_free_port() for _ in range(4)]
+    ports = [free_port() for _ in range(4)]
     words = vocabulary()
     text, small = (ntriples(fluents(count), words) for count in (FLUENTS, SMALL))
     (folder / "small.nt").write_text(small, encoding="utf-8")
@@ -85,7 +85,7 @@ def run() -> list[Report]:
     ]
     try:
         for port, path in zip(ports, ("/ready", "/", "/", "/ready"), strict=True):
-            _wait(port, path)
+            wait_until_ready(port, path)
         board, oxigraph, rdflib_endpoint, lax = (Connection(port) for port in ports)
         made = [fluent_to_json(fluent) for fluent in fluents(FLUENTS)]
         for first in range(0, len(made), 1000):
@@ -182,14 +182,16 @@ def _post_json(connection: Connection, body: list[dict[str, object]]) -> None:
     )
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
 
 
-def _wait(port: int, path: str) -> None:
+def wait_until_ready(port: int, path: str) -> None:
+    """Returns when a server answers."""
     deadline = time.monotonic() + 60.0
     while True:
         try:

@@ -117,3 +117,42 @@ def test_watch_prints_changes_until_it_is_told_to_stop(service: ServiceProcess) 
             assert watching.wait(timeout=20.0) == 0
         finally:
             watching.kill()
+
+
+def test_export_of_a_window_has_what_held_in_it(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        board.assert_fluents(Fluent("knife1", "Knife", Interval(10.0, 12.0), Interval(20.0, 22.0)))
+
+    def names(*flags: str) -> set[str]:
+        lines = command(service, "export", "--format", "jsonl", *flags).stdout.splitlines()
+        return {json.loads(line)["name"] for line in lines}
+
+    assert "knife1" in names("--during", "21,40")
+    assert "knife1" not in names("--during", "21,40", "--certainly")
+    assert "knife1" not in names("--during", "22,40")
+    wrong = command(service, "export", "--during", "40")
+    assert wrong.returncode == 2
+    assert "'40' is no window" in wrong.stderr
+
+
+def test_followed_changes_are_told_until_interrupted(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        since = board.assert_fluents(Fluent("spoon1", "Spoon")).commit
+    flags = ("--since", str(since - 1), "--follow", "--format", "jsonl")
+    following = subprocess.Popen(
+        [sys.executable, "-m", "fluentboard", "changes", "--board", service.address, *flags],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with following:
+        try:
+            assert following.stdout is not None
+            assert json.loads(following.stdout.readline())["commit"] == since
+            with Client(service.address) as board:
+                commit = board.end("spoon1", Interval.at(9.0)).commit
+            (event,) = (told := json.loads(following.stdout.readline()))["events"]
+            assert (told["commit"], event["event"]) == (commit, "ended")
+            following.send_signal(signal.SIGINT)
+            assert following.wait(timeout=20.0) == 0
+        finally:
+            following.kill()

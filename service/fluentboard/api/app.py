@@ -40,6 +40,7 @@ from fluentboard.api.system import SystemRoutes
 from fluentboard.api.transfer import TransferRoutes
 from fluentboard.api.updating import Updater
 from fluentboard.api.webhooks import Webhooks
+from fluentboard.board.backup import SUBSCRIPTIONS
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.subscriptions.durable import DurableSubscriptions
 from fluentboard.board.subscriptions.registry import SubscriptionRegistry
@@ -148,7 +149,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         blackboard, settings.subscriptions, outside=blackboard.statements()
     )
     durable = DurableSubscriptions(
-        None if data is None else data / "subscriptions.sqlite",
+        None if data is None else data / SUBSCRIPTIONS,
         settings.subscriptions.dead_letters_max,
     )
     webhooks = Webhooks(registry, durable, settings.subscriptions)

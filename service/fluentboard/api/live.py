@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, cast
 
 import orjson
@@ -38,6 +39,8 @@ _TURN = 32
 # Replies to what the client says, waiting to be sent; then it is not listened to any more.
 _REPLIES_MAX = 64
 _ID_MAX_CHARACTERS = 200
+# A commit that no board comes to: nobody can go on after it.
+_NEVER = 2**53 - 1
 _SUBSCRIBE_KEYS = frozenset(
     {"id", "query", "mode", "at", "certainly", "since", "since_at", "replay", "durable"}
 )
@@ -300,7 +303,10 @@ class Connection:
             )
         one = await asyncio.to_thread(self._durable.get, str(body["durable"]))
         since = request_from_json({**body, "query": one.query}).since
-        return LiveRequest(one.query, one.mode, one.at, since or one.seen)
+        since = since or one.seen
+        if one.is_broken and since is not None:
+            since = replace(since, commit=_NEVER)
+        return LiveRequest(one.query, one.mode, one.at, since)
 
     async def _acknowledge(self, name: str, body: dict[str, Any]) -> dict[str, Any]:
         """Notes how far the subscriber of a durable subscription has come."""

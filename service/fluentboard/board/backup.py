@@ -1,7 +1,8 @@
 """Backup: a copy of the journal as of a commit, and a board made from one.
 
-The journal is the truth, so it is all that a backup holds; the RDF store is built from it when the
-restored board starts. A backup is a journal itself: a SQLite file that any SQLite can read.
+The journal is the truth of what is believed; the RDF store is built from it when the restored board
+starts. A backup is a journal itself: a SQLite file that any SQLite can read. The durable
+subscriptions stand in it as well, in tables of their own.
 """
 
 from __future__ import annotations
@@ -13,10 +14,14 @@ from contextlib import closing
 from pathlib import Path
 
 from fluentboard.board.sqlite_journal import FORMAT_VERSION
+from fluentboard.board.subscriptions.packing import pack_subscriptions, unpack_subscriptions
 from fluentboard.errors import InvalidInput, StorageFailed
 
 JOURNAL = "journal.sqlite"
 """Name of the journal in a data folder."""
+
+SUBSCRIPTIONS = "subscriptions.sqlite"
+"""Name of the durable subscriptions in a data folder."""
 
 _TABLES = (("statements", "commit_number"), ("changes", "commit_number"), ("commits", "number"))
 
@@ -44,6 +49,7 @@ def write_backup(journal: Path, target: Path, up_to: int | None = None) -> int:
         with closing(sqlite3.connect(f"{journal.resolve().as_uri()}?mode=ro", uri=True)) as source:
             # One read transaction: in WAL mode nobody waits for it, and it waits for nobody.
             source.execute("VACUUM INTO ?", (str(target),))
+        pack_subscriptions(journal.with_name(SUBSCRIPTIONS), target)
         return _cut(target, up_to)
     except sqlite3.Error as problem:
         target.unlink(missing_ok=True)
@@ -81,6 +87,7 @@ def restore_backup(backup: Path, data: Path, up_to: int | None = None) -> int:
         data.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(backup, partial)
         last = _cut(partial, up_to)
+        unpack_subscriptions(partial, data / SUBSCRIPTIONS, last)
         with partial.open("rb+") as file:
             os.fsync(file.fileno())
         # A store that lies there belongs to another journal.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fluentboard.cli.options import DEFAULT_BOARD, Board, Token, connect, parsed_time
+from fluentboard.cli.options import DEFAULT_BOARD, Board, Token, connect, parsed_time, parsed_window
 
 if TYPE_CHECKING:
     from fluentboard.model.interval import Interval
@@ -53,7 +53,7 @@ def trajectory(
         time for text in at or () if (time := parsed_time(text)) is not None
     ]
     with connect(board, token) as client:
-        found = client.trajectory(name, at=times, during=_window(during), as_of=as_of)
+        found = client.trajectory(name, at=times, during=parsed_window(during), as_of=as_of)
     if format == "json":
         typer.echo(json.dumps(_to_json(found)))
     elif format == "csv":
@@ -62,16 +62,6 @@ def trajectory(
         writer.writerows(_row(held) for held in found.poses)
     else:
         _print(found)
-
-
-def _window(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    try:
-        begin, end = map(float, text.split(","))
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is no window; give two times such as 100,160") from None
-    return begin, end
 
 
 def _print(found: Trajectory) -> None:

@@ -56,6 +56,17 @@ def parsed_time(text: str | None) -> float | Literal["now"] | None:
         raise typer.BadParameter(f"{text!r} is neither a number of seconds nor 'now'") from None
 
 
+def parsed_window(text: str | None) -> tuple[float, float] | None:
+    """The value of `--during`; a usage error if it is not two numbers of seconds."""
+    if text is None:
+        return None
+    try:
+        begin, end = map(float, text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no window; give two times such as 100,160") from None
+    return begin, end
+
+
 def query_text(argument: str) -> str:
     """The query that an argument stands for."""
     return sys.stdin.read() if argument == "-" else argument

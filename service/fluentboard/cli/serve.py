@@ -53,7 +53,13 @@ def serve(
         ),
     ] = None,
     in_memory: Annotated[
-        bool, typer.Option("--in-memory", help="Keep nothing on disk; for trials and tests.")
+        bool,
+        typer.Option(
+            "--in-memory",
+            help="Keep nothing on disk; for trials and tests. A query that runs over its time is "
+            "answered with an error, but goes on in its thread: there is no journal on disk that "
+            "another process, which could be ended, would read.",
+        ),
     ] = False,
     ontology: Annotated[
         list[Path] | None,

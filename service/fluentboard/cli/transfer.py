@@ -9,7 +9,16 @@ from typing import IO, TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fluentboard.cli.options import DEFAULT_BOARD, At, Board, Token, connect, parsed_time, readable
+from fluentboard.cli.options import (
+    DEFAULT_BOARD,
+    At,
+    Board,
+    Token,
+    connect,
+    parsed_time,
+    parsed_window,
+    readable,
+)
 from fluentboard.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -50,6 +59,7 @@ def register(app: typer.Typer) -> None:
         name="export",
         epilog="Examples:\n\nfluentboard export > everything.yaml\n\n"
         "fluentboard export --format turtle --at now --output present.ttl\n\n"
+        "fluentboard export --during 1423225350,1423225380\n\n"
         "fluentboard export --format jsonld --vocabulary owl-time --class Mug",
     )(export_file)
     app.command(
@@ -105,8 +115,15 @@ def export_file(
     board: Board = DEFAULT_BOARD,
     format: Annotated[ExportFormat, typer.Option(help="How to write it.")] = "yaml",
     at: At = None,
+    during: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM,TO", help="Only what holds at some time in between, in seconds."
+        ),
+    ] = None,
     certainly: Annotated[
-        bool, typer.Option("--certainly", help="With --at: only what certainly holds then.")
+        bool,
+        typer.Option("--certainly", help="With --at or --during: only what certainly holds then."),
     ] = False,
     class_name: Annotated[
         str | None, typer.Option("--class", metavar="CLASS", help="Only fluents of this class.")
@@ -131,11 +148,12 @@ def export_file(
 
     TriG, N-Quads and JSON-LD have everything: what is said outside fluents, too.
     """
-    time = parsed_time(at)
+    time, window = parsed_time(at), parsed_window(during)
     with connect(board, token) as client:
         pieces = client.export(
             format,
             at=time,
+            during=window,
             certainly=certainly,
             class_name=class_name,
             as_of=as_of,

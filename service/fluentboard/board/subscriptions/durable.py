@@ -26,10 +26,11 @@ CREATE TABLE IF NOT EXISTS dead_letters (
 CREATE INDEX IF NOT EXISTS dead_letters_name ON dead_letters (name, number);
 """
 _VERSION = 1
-_COLUMNS = (
+COLUMNS = (
     "name, query, mode, at, url, secret, author, created_s, seen, seen_s, sequence, is_paused, "
     "is_broken"
 )
+"""Of the table of subscriptions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,8 @@ class DurableSubscription:
         created_s: when, in seconds since the Unix epoch.
         seen: what its subscriber has acknowledged; None before the first message.
         is_paused: nothing is posted until it is resumed.
-        is_broken: a post was given up, so the next one says `gap` and begins with a snapshot.
+        is_broken: the subscriber missed something, as a post was given up or the board was set
+            back; what it gets next says `gap` and begins with a snapshot.
     """
 
     name: str
@@ -155,14 +157,14 @@ class DurableSubscriptions:
         Raises:
             UnknownResource: there is none.
         """
-        rows = self._read(f"SELECT {_COLUMNS} FROM subscriptions WHERE name = ?", name)
+        rows = self._read(f"SELECT {COLUMNS} FROM subscriptions WHERE name = ?", name)
         if not rows:
             raise _unknown(name)
         return _subscription(rows[0])
 
     def all(self) -> list[DurableSubscription]:
         """All of them, by name."""
-        rows = self._read(f"SELECT {_COLUMNS} FROM subscriptions ORDER BY name")
+        rows = self._read(f"SELECT {COLUMNS} FROM subscriptions ORDER BY name")
         return [_subscription(row) for row in rows]
 
     def remove(self, name: str) -> None:
@@ -234,6 +236,11 @@ class DurableSubscriptions:
                     "DELETE FROM dead_letters WHERE name = ? AND number = ?", (name, number)
                 )
             return found.rowcount
+
+    def create(self) -> None:
+        """Makes the file, where there is none yet."""
+        with self._lock:
+            self._opened()
 
     def close(self) -> None:
         """Lets go of the file."""

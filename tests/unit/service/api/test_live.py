@@ -11,11 +11,13 @@ import orjson
 import pytest
 
 from fluentboard.api.app import BoardApp, create_app
+from fluentboard.board.backup import SUBSCRIPTIONS
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, EndFluent
 from fluentboard.board.subscriptions.durable import (
     DurableSubscription,
     DurableSubscriptions,
+    Position,
 )
 from fluentboard.clock import ReplayClock
 from fluentboard.config import load_settings
@@ -361,5 +363,22 @@ def test_durable_subscription_is_fetched_and_acknowledged(
         socket.say({"subscribe": {"id": "a", "durable": "kept"}})
         assert (await socket.message())["type"] == "resumed"
         assert plates((await socket.message())["added"]) == ["plate2"]
+
+    converse(talk, storage__data=tmp_path)
+
+
+def test_reader_of_a_board_that_was_set_back_is_told_of_the_gap(
+    board: Blackboard, converse: Converse, tmp_path: Path
+) -> None:
+    put(board, "plate1")
+    kept = DurableSubscriptions(tmp_path / SUBSCRIPTIONS)
+    kept.add(DurableSubscription("p", PLATES, "bindings", None, None, None, "ann", 1.0))
+    kept.advance("p", Position(1))
+    kept.bury("p", "", b"", 0, "the board was set back", 1.0)
+    kept.close()
+
+    async def talk(socket: Socket, app: BoardApp) -> None:
+        socket.say({"subscribe": {"id": "a", "durable": "p"}})
+        assert [(await socket.message())["type"] for _ in range(2)] == ["gap", "snapshot"]
 
     converse(talk, storage__data=tmp_path)
