@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from fluentboard.errors import InvalidGeometry, InvalidInput
 from fluentboard.model.geometry import BoundingBox, FloatArray
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.search import look_kernels
 from fluentboard_modules.search import occupancy_kernels as kernels
 from fluentboard_modules.search.config import SensorModelConfig
+from fluentboard_modules.search.looks import LookMarks
 
 CellArray = NDArray[np.int64]
 """`(n, 3)`; integer cell coordinates: cell i spans i to i + 1 resolutions along its axis."""
@@ -24,6 +26,7 @@ CellArray = NDArray[np.int64]
 UNKNOWN, FREE, OCCUPIED = -1, 0, 1
 
 _BLOCK = 512
+_FIRST_BLOCKS = 256
 _DIRECTORY_MAX = 1 << 27  # half a gigabyte; at 5 cm that is 2.9 km x 2.9 km x 1 m
 
 
@@ -67,9 +70,9 @@ class OccupancyMap:
         self._low = np.zeros(3, np.int64)
         self._directory = np.full((1, 1, 1), -1, np.int32)
         self._count = 0
-        self._blocks = np.zeros((64, 3), np.int64)
-        self._log_odds = np.full((64, _BLOCK), np.nan, np.float32)
-        self._marks = np.zeros((64, _BLOCK), np.uint8)
+        self._blocks = np.zeros((_FIRST_BLOCKS, 3), np.int64)
+        self._log_odds = np.zeros((_FIRST_BLOCKS, _BLOCK), np.float32)
+        self._look = LookMarks(self.resolution_m)
         self._summary: NDArray[np.uint8] | None = None
 
     # -- arrays for the compiled loops of this package ------------------------------------------
@@ -152,7 +155,7 @@ class OccupancyMap:
         other = OccupancyMap(self.resolution_m, self.model)
         other._low, other._directory = self._low.copy(), self._directory.copy()
         other._count, other._blocks = self._count, self._blocks.copy()
-        other._log_odds, other._marks = self._log_odds.copy(), self._marks.copy()
+        other._log_odds = self._log_odds.copy()
         return other
 
     # -- changes --------------------------------------------------------------------------------
@@ -179,39 +182,25 @@ class OccupancyMap:
         origin = np.array(origin_map, dtype=np.float64)
         if not np.isfinite(origin).all():
             raise InvalidGeometry(f"a sensor at {origin} m; its position must be finite")
-        box = _bounds(points, origin)
-        if range_max_m > 0.0:
-            # The end of a ray may be rounded into the next cell.
-            reach = range_max_m + self.resolution_m
-            box = np.array([np.maximum(box[0], origin - reach), np.minimum(box[1], origin + reach)])
-        corners = np.floor(box / self.resolution_m).astype(np.int64)
-        self._reach(corners + np.array([[-1], [1]]))
+        low, shape = self._look.mark(points, origin, float(range_max_m))
         counts = np.array([self._count, 0], np.int64)
-        ends = np.zeros((len(points), 3), np.int64)
-        is_hit = np.zeros(len(points), np.bool_)
-        done = 0
-        while done < len(points):
-            done = kernels.mark_ends(
-                points, origin, float(range_max_m), self.resolution_m, self._directory, self._low,
-                self._blocks, self._marks, done, counts, ends, is_hit,
-            )  # fmt: skip
-            if done < len(points):
+        done, blocks = 0, int(np.prod(shape >> 3))
+        try:
+            self._reach(np.array([low, low + shape - 1]))
+            while True:
+                done = look_kernels.apply_marks(
+                    self._look.marks, low, shape, done, self._directory, self._low, self._blocks,
+                    self._log_odds, counts, *self.model.log_odds_updates,
+                )  # fmt: skip
+                self._count = int(counts[0])
+                if done == blocks:
+                    break
                 self._make_room(2 * len(self._blocks))
-        done = 0
-        while done < counts[1]:
-            done = kernels.mark_rays(
-                ends, is_hit, origin, self.resolution_m, self._directory, self._low,
-                self._blocks, self._marks, done, counts,
-            )  # fmt: skip
-            if done < counts[1]:
-                self._make_room(2 * len(self._blocks))
-        self._count = int(counts[0])
+        except InvalidGeometry:
+            self._look = LookMarks(self.resolution_m)  # its marks were not cleared
+            raise
         self._summary = None
-        return int(
-            kernels.apply_marks(
-                self._log_odds, self._marks, self._count, *self.model.log_odds_updates
-            )
-        )
+        return int(counts[1])
 
     def integrate_frame(self, frame: SensorFrame, range_max_m: float = 0.0) -> int:
         """Takes in a sensor frame; see `integrate`."""
@@ -360,12 +349,10 @@ class OccupancyMap:
         if blocks <= before:
             return
         blocks = max(blocks, before + before // 2)
-        more = blocks - before
-        self._blocks = np.concatenate([self._blocks, np.zeros((more, 3), np.int64)])
-        self._log_odds = np.concatenate(
-            [self._log_odds, np.full((more, _BLOCK), np.nan, np.float32)]
-        )
-        self._marks = np.concatenate([self._marks, np.zeros((more, _BLOCK), np.uint8)])
+        numbers, log_odds = np.zeros((blocks, 3), np.int64), np.zeros((blocks, _BLOCK), np.float32)
+        numbers[: self._count] = self._blocks[: self._count]
+        log_odds[: self._count] = self._log_odds[: self._count]
+        self._blocks, self._log_odds = numbers, log_odds
 
 
 def _states(log_odds: NDArray[np.float32]) -> NDArray[np.int8]:
@@ -375,11 +362,3 @@ def _states(log_odds: NDArray[np.float32]) -> NDArray[np.int8]:
 def _packed(blocks: CellArray) -> NDArray[np.int64]:
     x, y, z = ((blocks[:, axis] + (1 << 20)) for axis in range(3))
     return (x << 42) | (y << 21) | z
-
-
-def _bounds(points: FloatArray, origin: FloatArray) -> FloatArray:
-    box = np.array([origin, origin])
-    kernels.bounds(points, box)
-    if np.abs(box).max() > 1e7:
-        raise InvalidGeometry(f"a point lies at {np.abs(box).max():.3g} m; remove such points")
-    return box

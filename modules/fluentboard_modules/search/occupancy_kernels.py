@@ -16,9 +16,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-FREE_MARK = 1
-HIT_MARK = 2
-_SHIFT = 1 << 30  # cells on either side of the origin
 MISS, HIT, UNKNOWN_MET, OUT_OF_RANGE = 0, 1, 2, 3
 
 Int32Array = NDArray[np.int32]
@@ -44,8 +41,11 @@ def cell_in_block(x: int, y: int, z: int) -> int:
 
 
 @_jit
-def make_block(directory: Any, low: Any, blocks: Any, count: int, bx: int, by: int, bz: int) -> int:
-    """Enters a new block with number `count`; the directory must reach there."""
+def make_block(
+    directory: Any, low: Any, blocks: Any, log_odds: Any, count: int, bx: int, by: int, bz: int
+) -> int:
+    """Enters a new, unknown block with number `count`; the directory must reach there."""
+    log_odds[count, :] = np.nan
     directory[bx - low[0], by - low[1], bz - low[2]] = count
     blocks[count, 0] = bx
     blocks[count, 1] = by
@@ -79,181 +79,6 @@ def cells_to_border(cell: int, step: int) -> int:
 def steps_before(length: float, border: float, delta: float) -> int:
     """How many borders of one axis a ray has crossed by a length."""
     return 0 if length < border else int((length - border) / delta) + 1
-
-
-@_jit
-def bounds(points: Any, box: Any) -> None:
-    """Widens `box` `(2, 3)` to hold all finite points."""
-    x0, y0, z0 = box[0, 0], box[0, 1], box[0, 2]
-    x1, y1, z1 = box[1, 0], box[1, 1], box[1, 2]
-    for n in range(points.shape[0]):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        if (x + y + z) - (x + y + z) == 0.0:
-            x0, x1 = min(x0, x), max(x1, x)
-            y0, y1 = min(y0, y), max(y1, y)
-            z0, z1 = min(z0, z), max(z1, z)
-    box[0, 0], box[0, 1], box[0, 2] = x0, y0, z0
-    box[1, 0], box[1, 1], box[1, 2] = x1, y1, z1
-
-
-@_jit
-def mark_ends(
-    points: Any,
-    origin: Any,
-    max_range: float,
-    resolution: float,
-    directory: Any,
-    low: Any,
-    blocks: Any,
-    marks: Any,
-    first: int,
-    counts: Any,
-    ends: Any,
-    is_hit: Any,
-) -> int:
-    """Marks the end cell of every point once and lists it in `ends`.
-
-    Points beyond the range end where it does, without a hit. `counts` holds the number of blocks
-    and of ends. Returns the first point that is not done because the blocks are full.
-    """
-    per_metre = 1.0 / resolution
-    i0 = j0 = k0 = -_SHIFT
-    for n in range(first, points.shape[0]):
-        if counts[0] == blocks.shape[0]:
-            return n
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        if x + y + z - (x + y + z) != 0.0:  # NaN or infinity
-            continue
-        # Truncation of positive numbers is a floor, and much faster.
-        i = int(x * per_metre + _SHIFT) - _SHIFT
-        j = int(y * per_metre + _SHIFT) - _SHIFT
-        k = int(z * per_metre + _SHIFT) - _SHIFT
-        if i == i0 and j == j0 and k == k0:
-            continue  # most neighbours in an image share a cell
-        i0, j0, k0 = i, j, k
-        hit = HIT_MARK
-        if max_range > 0.0:
-            # OctoMap with discretisation: what counts is the centre of the cell.
-            dx = (i + 0.5) * resolution - origin[0]
-            dy = (j + 0.5) * resolution - origin[1]
-            dz = (k + 0.5) * resolution - origin[2]
-            length = math.sqrt(dx * dx + dy * dy + dz * dz)
-            if length > max_range:
-                scale = max_range / length
-                i = math.floor((origin[0] + scale * dx) / resolution)
-                j = math.floor((origin[1] + scale * dy) / resolution)
-                k = math.floor((origin[2] + scale * dz) / resolution)
-                hit = 4
-        b = block_at(directory, low, i >> 3, j >> 3, k >> 3)
-        if b < 0:
-            b = make_block(directory, low, blocks, counts[0], i >> 3, j >> 3, k >> 3)
-            counts[0] += 1
-        c = cell_in_block(i, j, k)
-        if marks[b, c] & hit:
-            continue
-        marks[b, c] |= hit
-        e = counts[1]
-        ends[e, 0], ends[e, 1], ends[e, 2] = i, j, k
-        is_hit[e] = hit == HIT_MARK
-        counts[1] = e + 1
-    return points.shape[0]
-
-
-@_jit
-def mark_rays(
-    ends: Any,
-    is_hit: Any,
-    origin: Any,
-    resolution: float,
-    directory: Any,
-    low: Any,
-    blocks: Any,
-    marks: Any,
-    first: int,
-    counts: Any,
-) -> int:
-    """Marks as free what lies between the origin and each end.
-
-    Returns the first end that is not done because the blocks are full.
-    """
-    ox, oy, oz = np.float32(origin[0]), np.float32(origin[1]), np.float32(origin[2])
-    x0 = math.floor(ox / resolution)
-    y0 = math.floor(oy / resolution)
-    z0 = math.floor(oz / resolution)
-    for n in range(first, counts[1]):
-        x, y, z = x0, y0, z0
-        x1, y1, z1 = ends[n, 0], ends[n, 1], ends[n, 2]
-        if x == x1 and y == y1 and z == z1:
-            continue
-        # Single precision as in OctoMap, so that the same cells are free to the last one.
-        ux = np.float32((x1 + 0.5) * resolution) - ox
-        uy = np.float32((y1 + 0.5) * resolution) - oy
-        uz = np.float32((z1 + 0.5) * resolution) - oz
-        length = np.float32(math.sqrt(ux * ux + uy * uy + uz * uz))
-        ux, uy, uz = ux / length, uy / length, uz / length
-        sx, sy, sz = sign(ux), sign(uy), sign(uz)
-        tx = first_border(ox, ux, x, resolution)
-        ty = first_border(oy, uy, y, resolution)
-        tz = first_border(oz, uz, z, resolution)
-        dx = resolution / abs(ux) if sx != 0 else np.inf
-        dy = resolution / abs(uy) if sy != 0 else np.inf
-        dz = resolution / abs(uz) if sz != 0 else np.inf
-        b = -1
-        moved = True
-        # From cell to neighbouring cell, so many steps lead to the end cell.
-        for _ in range(abs(x1 - x) + abs(y1 - y) + abs(z1 - z)):
-            if moved:
-                b = block_at(directory, low, x >> 3, y >> 3, z >> 3)
-                if b < 0:
-                    if counts[0] == blocks.shape[0]:
-                        return n
-                    b = make_block(directory, low, blocks, counts[0], x >> 3, y >> 3, z >> 3)
-                    counts[0] += 1
-            marks[b, cell_in_block(x, y, z)] |= FREE_MARK
-            if tx < ty and tx < tz:
-                if tx > length:
-                    break
-                moved = x >> 3 != (x + sx) >> 3
-                x += sx
-                tx += dx
-            elif ty < tz and not tx < ty:
-                if ty > length:
-                    break
-                moved = y >> 3 != (y + sy) >> 3
-                y += sy
-                ty += dy
-            else:
-                if tz > length:
-                    break
-                moved = z >> 3 != (z + sz) >> 3
-                z += sz
-                tz += dz
-    return counts[1]
-
-
-@_jit
-def apply_marks(
-    log_odds: Any, marks: Any, count: int, hit: float, miss: float, least: float, most: float
-) -> int:
-    """Adds hits and misses to marked cells, clamped, and clears the marks; counts the cells."""
-    updated = 0
-    for b in range(count):
-        words = marks[b].view(np.uint64)
-        for w in range(64):
-            if words[w] == 0:
-                continue
-            for c in range(8 * w, 8 * w + 8):
-                mark = marks[b, c]
-                if mark & 3 == 0:
-                    continue
-                value = log_odds[b, c]
-                if value != value:
-                    value = np.float32(0.0)
-                value += hit if mark & HIT_MARK else miss
-                log_odds[b, c] = min(max(value, least), most)
-                updated += 1
-            words[w] = 0
-    return updated
 
 
 @_jit
@@ -392,7 +217,7 @@ def write_cells(
         i, j, k = cells[n, 0], cells[n, 1], cells[n, 2]
         b = block_at(directory, low, i >> 3, j >> 3, k >> 3)
         if b < 0:
-            b = make_block(directory, low, blocks, count, i >> 3, j >> 3, k >> 3)
+            b = make_block(directory, low, blocks, log_odds, count, i >> 3, j >> 3, k >> 3)
             count += 1
         log_odds[b, cell_in_block(i, j, k)] = values[n]
     return count

@@ -52,6 +52,37 @@ def test_looks_give_the_log_odds_of_octomap(rng: np.random.Generator, looks: int
     assert len(cells) > 30_000
 
 
+@pytest.mark.parametrize("range_m", [-1.0, 1.6])
+def test_a_sensor_that_moves_fills_the_cells_that_octomap_fills(
+    rng: np.random.Generator, tmp_path: Path, range_m: float
+) -> None:
+    ours, theirs = OccupancyMap(0.05), pyoctomap.OcTree(0.05)
+    for shift in ([0.0, 0.0, 0.0], [2.53, -1.31, 0.22], [-3.17, 0.64, 0.11]):
+        origin = (ORIGIN + shift).astype(np.float32).astype(np.float64)
+        points = (walls(rng, 3000) + shift).astype(np.float32).astype(np.float64)
+        theirs.insertPointCloud(points, origin, range_m, False, True)
+        image = np.full((2, 3000, 3), math.nan)  # as a camera has it: holes, and points twice
+        image[0], image[1, ::3] = points, points[::3]
+        ours.integrate(image, origin, max(0.0, range_m))
+    theirs.write(str(tmp_path / "theirs.ot"))
+    cells, values = read_octomap(tmp_path / "theirs.ot").known_cells()
+    assert len(cells) == ours.known_count > 60_000
+    np.testing.assert_allclose(ours.log_odds_at(cells), values, atol=1e-5)
+
+
+def test_a_look_that_is_too_wide_for_its_marks_leaves_the_map_as_it_was() -> None:
+    ours = OccupancyMap(0.05)
+    ours.integrate([[1.0, 0.0, 0.0]], [0.0, 0.0, 0.0])
+    known = ours.known_count
+    with pytest.raises(InvalidGeometry, match="range"):
+        ours.integrate([[500.0, 500.0, 40.0]], [0.0, 0.0, 0.0])
+    with pytest.raises(InvalidGeometry, match="absurdly far"):
+        ours.integrate([[1.0, 0.0, 0.0]], [1e12, 0.0, 0.0])
+    assert ours.known_count == known
+    ours.integrate([[500.0, 500.0, 40.0]], [0.0, 0.0, 0.0], range_max_m=2.0)
+    assert ours.known_count > known
+
+
 def test_far_points_free_the_way_to_the_range_only() -> None:
     ours = OccupancyMap(0.1)
     ours.integrate([[5.05, 0.05, 0.05]], [0.05, 0.05, 0.05], range_max_m=2.0)
