@@ -85,10 +85,10 @@ def run() -> list[Report]:
             operations=FRAMES,
             target="at least 20 times OctoMap",
             notes=[
-                "Eight noisy frames of the simulated restaurant; CPU time of one thread, from an empty "
-                "map. Cells and log-odds equal those of OctoMap with discretisation, which is the "
-                "fair comparison (the last line); the defaults of OctoMap cast a ray for every "
-                "point. Its inner nodes are updated after every cloud, so that the map can be read."
+                "Eight noisy frames of the simulated restaurant; CPU time of one thread, from an "
+                "empty map. Cells and log-odds equal those of OctoMap with discretisation, which "
+                "is the fair comparison (the last line); the defaults of OctoMap cast a ray for "
+                "every point. Its inner nodes are updated after every cloud: the map can be read."
             ],
         ),
         compare(
