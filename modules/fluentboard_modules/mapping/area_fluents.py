@@ -96,7 +96,9 @@ def area_fluents(
     for number, (class_name, box) in enumerate(areas):
         before = known[number] if number < len(known) else None
         stem = class_name[0].lower() + class_name[1:] + owner[0].upper() + owner[1:]
-        name = before.name if before is not None else f"{stem}_{number + 1}"
+        # A name is used once: a piece that was away has new areas.
+        again = f"_{generation}" if generation else ""
+        name = before.name if before is not None else f"{stem}_{number + 1}{again}"
         tag = f"{name[0].upper()}{name[1:]}_{generation}"
         parts = box_fluents(f"bBox{tag}", f"poseBB{tag}", box, since)
         properties = [Property("hasBoundingBox", "BBox", parts[0].name)]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.mapping.config import FurnitureMapConfig
+from fluentboard_modules.mapping.existence import supported_belief
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry, place_hypothesis
 from fluentboard_modules.mapping.judge import Case, verified_geometry
@@ -96,14 +96,14 @@ def place_candidate(
         if part.label not in furniture.back_planes or geometry.back_plane in (None, part.plane)
     )
     n_frames = _support(parts)
-    growth = 1.0 - math.exp(-n_frames / config.support_frames)
     return Candidate(
         hypothesis,
         furniture,
         geometry,
         identifiers[hypothesis.main_plane],
         parts,
-        existence * growth,
+        # It is there if its main plane is, and what it is said to be as far as all parts were seen.
+        min(existence, supported_belief(n_frames, config.fusion.existence)),
         n_frames,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class _Settings(BaseModel):
@@ -187,12 +187,43 @@ class SurfacesConfig(_Settings):
     )
 
 
+class ExistenceConfig(_Settings):
+    """Belief that something is there, per frame that could have shown it.
+
+    The rates are nearer to each other than those of single frames, because the errors of frames
+    that follow each other are alike: a backrest that is overlooked once is overlooked again.
+    """
+
+    prior: float = Field(
+        default=0.13, gt=0.0, lt=1.0, description="Before any frame; five frames make it 0.71."
+    )
+    detection_rate: float = Field(
+        default=0.7, gt=0.0, lt=1.0, description="Frames that show it if it is there and in sight."
+    )
+    false_alarm_rate: float = Field(
+        default=0.4, gt=0.0, lt=1.0, description="Frames that seem to show it if it is not there."
+    )
+    belief_max: float = Field(
+        default=0.97,
+        gt=0.5,
+        lt=1.0,
+        description="However many frames; from there, seven that see through it make it 0.2.",
+    )
+
+    @model_validator(mode="after")
+    def _tells(self) -> ExistenceConfig:
+        if self.detection_rate <= self.false_alarm_rate:
+            raise ValueError("detection_rate must be more than false_alarm_rate")
+        return self
+
+
 class FusionConfig(_Settings):
     """Regions of many frames to the planes of the map.
 
     The distances allow for poses and depth that agree to 2-4 cm only (7-Scenes red kitchen).
     """
 
+    existence: ExistenceConfig = ExistenceConfig()
     cell_m: float = Field(default=0.02, gt=0.0, description="Grid on each plane.")
     same_angle_deg: float = Field(
         default=12.0, gt=0.0, lt=90.0, description="Small far regions are off by as much."
@@ -259,6 +290,9 @@ class FusionConfig(_Settings):
     )
     forget_least_views: int = Field(
         default=5, ge=1, description="Views that miss a plane before that."
+    )
+    stamps_max: int = Field(
+        default=1000, ge=1, description="Frames that are remembered by name, the last ones."
     )
     stale_share: float = Field(
         default=0.02, ge=0.0, description="Contours are traced anew after such a change of area."
@@ -379,11 +413,6 @@ class FurnitureMapConfig(_Settings):
     )
     floor_reach_m: float = Field(
         default=0.15, ge=0.0, description="The floor is within this of z = 0 everywhere."
-    )
-    support_frames: float = Field(
-        default=5.0,
-        gt=0.0,
-        description="After so many frames of support the score is 1 - 1/e = 0.63.",
     )
     accept_score: float = Field(default=0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
     drop_score: float = Field(default=0.3, gt=0.0, lt=1.0, description="No furniture any more.")

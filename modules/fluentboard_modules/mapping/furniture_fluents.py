@@ -9,119 +9,46 @@ there before, for all anybody knows: its start is [unknown, t], so it certainly 
 possibly at any time before. A wholly unknown start would say that it certainly stood there before
 the record began, which nobody has seen. A change between two looks at s and t happened at some time
 in [s, t]: the old pose ends within that interval, and the new one starts within it.
+
+A piece whose place was seen empty is missing: pose, box, planes and areas end, the piece does not.
+If a piece of its class and size turns up elsewhere soon, that is it, and it gets a new pose;
+otherwise it ends as well, when it was seen to be gone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
-from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.geometry import BoundingBox, Pose
+from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import UNKNOWN, Interval
-from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent
-from fluentboard_modules.mapping.area_fluents import WrittenArea, area_fluents, floor_areas
+from fluentboard_modules.mapping.area_fluents import area_fluents, floor_areas
+from fluentboard_modules.mapping.config import ExistenceConfig
+from fluentboard_modules.mapping.existence import combined_belief
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, box_overlap
+from fluentboard_modules.mapping.piece_fluents import (
+    evidence_of,
+    fit_properties,
+    geometry,
+    last_planes,
+    later,
+    names_of,
+    place_endings,
+    placed,
+    plane_name,
+    rule_properties,
+)
 from fluentboard_modules.mapping.plane_fluents import plane_fluents
+from fluentboard_modules.mapping.written_furniture import (
+    Departed,
+    Estimate,
+    UpdateConfig,
+    Written,
+)
 from fluentboard_modules.statements import Ending, Statement
-
-_LEAST_AREA_M = 0.05  # nothing can be put on less
-
-
-class UpdateConfig(BaseModel):
-    """How much has to change before the board is told.
-
-    The thesis asks for a threshold (Section 4.2.4) without naming one.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    position_m: float = Field(
-        0.05, gt=0.0, description="Poses of a hand-held Kinect agree to 2-4 cm (7-Scenes)."
-    )
-    angle_deg: float = Field(5.0, gt=0.0, description="Turn about the vertical.")
-    size_m: float = Field(0.08, gt=0.0, description="An edge that grew as more of it was seen.")
-    final_share: float = Field(
-        0.2,
-        gt=0.0,
-        le=1.0,
-        description="Share of these thresholds that counts at the end of a run: the last estimate "
-        "is the best.",
-    )
-    rest_s: float = Field(
-        2.0,
-        ge=0.0,
-        description="A piece that grows with every frame is not written more often than this, "
-        "unless it has changed by `urgent` thresholds.",
-    )
-    urgent: float = Field(4.0, ge=1.0, description="In thresholds: 20 cm, 20 degrees.")
-    same_place_overlap: float = Field(
-        0.4,
-        gt=0.0,
-        le=1.0,
-        description="Share of the smaller footprint by which a piece seen now is one that the "
-        "board knows from before.",
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """Where a piece of furniture stands and how large it is, as far as the board is concerned."""
-
-    class_name: str
-    pose: Pose
-    box: BoundingBox
-    symmetry_order: int = 1
-
-    def differs(self, other: Estimate, config: UpdateConfig, share: float) -> bool:
-        """Whether pose or box differ by more than that share of the thresholds."""
-        for a, b in ((self.pose, other.pose), (self.box.pose, other.box.pose)):
-            if math.dist((a.x, a.y, a.z), (b.x, b.y, b.z)) > share * config.position_m:
-                return True
-        if np.abs(self.box.sizes - other.box.sizes).max() > share * config.size_m:
-            return True
-        turn = 2.0 * math.pi / other.symmetry_order  # a table turned by half a turn is the same
-        angle = math.remainder(other.pose.yaw_rad - self.pose.yaw_rad, turn)
-        return abs(angle) > share * math.radians(config.angle_deg)
-
-
-@dataclass(frozen=True, slots=True)
-class Written:
-    """What the board has been told about a piece of furniture.
-
-    Attributes:
-        name: of its fluent.
-        estimate: its pose and box as written.
-        confirmed_s: the last time it was seen as it was written, in seconds; None if nobody knows.
-        written_s: time of the look that was written last; None if nobody knows.
-        generation: number of the present pose and box, 0 for the first.
-        parts: names of the present pose, box and box-pose fluents.
-        planes: names of the present plane fluents.
-        plane_frames: how many frames had seen these when they were written.
-        area: name of the placing area, or empty.
-        area_parts: names of its present box and box-pose fluents.
-        rules: written as its explanation.
-        areas: on the floor at it.
-        model: the CAD model that was written.
-    """
-
-    name: str
-    estimate: Estimate
-    confirmed_s: float | None
-    generation: int
-    parts: tuple[str, ...]
-    planes: tuple[str, ...] = ()
-    plane_frames: int = 0
-    area: str = ""
-    area_parts: tuple[str, ...] = ()
-    rules: tuple[str, ...] = ()
-    areas: tuple[WrittenArea, ...] = ()
-    model: str = ""
-    written_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,39 +58,59 @@ class FurnitureFluents:
     Attributes:
         written: by the identifier that the furniture map gave the piece.
         remembered: what the board knew before, and nobody has seen again yet.
+        missing: what has gone from its place, and may turn up elsewhere.
         names: names of furniture that are taken.
         config: thresholds.
+        existence: how beliefs of several runs add up.
         symmetry_order: per class, how many turns within a full circle look alike.
     """
 
     written: Mapping[str, Written] = field(default_factory=dict[str, Written])
     remembered: tuple[Written, ...] = ()
+    missing: tuple[Departed, ...] = ()
     names: frozenset[str] = frozenset()
     config: UpdateConfig = field(default_factory=UpdateConfig)
+    existence: ExistenceConfig = field(default_factory=ExistenceConfig)
     symmetry_order: Mapping[str, int] = field(default_factory=dict[str, int])
 
     def update(
-        self, items: Sequence[FurnitureItem], now_s: float, *, final: bool = False
+        self,
+        items: Sequence[FurnitureItem],
+        now_s: float,
+        *,
+        final: bool = False,
+        gone: Collection[str] = (),
     ) -> tuple[FurnitureFluents, list[Statement]]:
         """The statements that a look leads to, and what the board has been told after them.
 
         Args:
             items: all furniture that is believed in at present.
             now_s: time of the look.
-            final: whether it is the last one; then small improvements are written too.
+            final: whether it is the last one; then small improvements are written too, and what is
+                missing is given up.
+            gone: names of remembered pieces whose places were seen empty.
         """
         written = dict(self.written)
         remembered = list(self.remembered)
         names = set(self.names)
+        missing = list(self.missing)
         statements: list[Statement] = []
         believed = {item.identifier for item in items}
-        for identifier in [known for known in written if known not in believed]:
-            statements += _retraction(written.pop(identifier), now_s)
+        lost = [written.pop(identifier) for identifier in [*written] if identifier not in believed]
+        lost += [known for known in remembered if known.name in gone]
+        remembered = [known for known in remembered if known.name not in gone]
+        for known in lost:
+            departed, endings = _departure(known, now_s)
+            missing += departed
+            statements += endings
         for item in items:
             known = written.get(item.identifier)
             if known is None:
                 known = self._recalled(item, remembered)
-            if known is None:
+            back = self._found_again(item, missing) if known is None else None
+            if back is not None:
+                known, new = self._arrival(back.known, item)
+            elif known is None:
                 name = _free_name(item.class_name, names)
                 names.add(name)
                 known, new = self._introduction(name, item)
@@ -171,10 +118,26 @@ class FurnitureFluents:
                 known, new = self._revision(known, item, final)
             statements += new
             if final:
-                known, new = _last_planes(known, item)
+                known, new = last_planes(known, item)
                 statements += new
+            belief = combined_belief(known.belief_before, item.score, self.existence)
+            is_due = final or abs(belief - known.belief) >= self.config.belief
+            known, new = evidence_of(known, item, belief, now_s, is_due=is_due)
+            statements += new
             written[item.identifier] = known
-        state = replace(self, written=written, remembered=tuple(remembered), names=frozenset(names))
+        given_up = [
+            departed
+            for departed in missing
+            if final or now_s - later(departed.since.latest, -math.inf) > self.config.missing_s
+        ]
+        statements += [Ending(departed.known.name, departed.since) for departed in given_up]
+        state = replace(
+            self,
+            written=written,
+            remembered=tuple(remembered),
+            missing=tuple(departed for departed in missing if departed not in given_up),
+            names=frozenset(names),
+        )
         return state, statements
 
     def _estimate(self, item: FurnitureItem) -> Estimate:
@@ -194,26 +157,79 @@ class FurnitureFluents:
         remembered.remove(best[1])
         return best[1]
 
+    def _found_again(self, item: FurnitureItem, missing: list[Departed]) -> Departed | None:
+        """The piece that was missing and stands here now, taken off the list, or None."""
+        estimate = self._estimate(item)
+        possible = [
+            departed
+            for departed in missing
+            if departed.may_be(estimate, item.first_seen_s, self.config)
+        ]
+        if not possible:
+            return None
+        here = np.array([item.box.pose.x, item.box.pose.y])
+
+        def distance_m(departed: Departed) -> float:
+            pose = departed.known.estimate.box.pose
+            return float(np.linalg.norm(here - (pose.x, pose.y)))
+
+        nearest = min(possible, key=distance_m)
+        missing.remove(nearest)
+        return nearest
+
     def _introduction(self, name: str, item: FurnitureItem) -> tuple[Written, list[Statement]]:
         start = Interval(None, item.first_seen_s)
-        parts, links = _geometry(name, item, 0, start)
-        planes, plane_links = plane_fluents(_plane_name(name, 0), item, start)
-        properties = (*links, *plane_links, *_rules(item.rules), *_fit(item, ""))
         known = Written(
             name,
             self._estimate(item),
             item.last_seen_s,
             generation=0,
-            parts=_names(parts),
-            planes=_names(planes),
-            plane_frames=item.n_frames,
-            rules=item.rules,
-            written_s=item.last_seen_s,
-            model=item.cad.model if item.cad is not None else "",
+            parts=(),
+            belief_before=self.existence.prior,
         )
-        thing = Fluent(name, item.class_name, start, UNKNOWN, properties)
-        known, area = _placed(known, item, start)
-        known, on_floor = self._on_the_floor(known, item, start)
+        return self._standing(known, item, start, start)
+
+    def _arrival(self, known: Written, item: FurnitureItem) -> tuple[Written, list[Statement]]:
+        """A piece at a new place: it came there after it was last seen at the old one."""
+        since = Interval(known.confirmed_s, item.first_seen_s)
+        known = replace(
+            known,
+            estimate=self._estimate(item),
+            confirmed_s=later(known.confirmed_s, item.last_seen_s),
+            generation=known.generation + 1,
+            plane_number=known.plane_number + 1,
+        )
+        return self._standing(known, item, UNKNOWN, since)
+
+    def _standing(
+        self, known: Written, item: FurnitureItem, start: Interval, since: Interval
+    ) -> tuple[Written, list[Statement]]:
+        """A piece with everything that says where it stands.
+
+        Args:
+            known: the piece without its parts.
+            item: the same as it was seen.
+            start: of the piece; unknown if the board knows it.
+            since: since when it stands there.
+        """
+        parts, links = geometry(known.name, item, known.generation, since)
+        stem = plane_name(known.name, known.plane_number)
+        planes, plane_links = plane_fluents(stem, item, since)
+        new_rules = tuple(rule for rule in item.rules if rule not in known.rules)
+        fit = fit_properties(item, known.model)
+        properties = (*links, *plane_links, *rule_properties(new_rules), *fit)
+        thing = Fluent(known.name, item.class_name, start, UNKNOWN, properties)
+        known = replace(
+            known,
+            parts=names_of(parts),
+            planes=names_of(planes),
+            plane_frames=item.n_frames,
+            rules=(*known.rules, *new_rules),
+            written_s=item.last_seen_s,
+            model=item.cad.model if item.cad is not None else known.model,
+        )
+        known, area = placed(known, item, since)
+        known, on_floor = self._on_the_floor(known, item, since)
         return known, [thing, *parts, *planes, *area, *on_floor]
 
     def _revision(
@@ -227,34 +243,38 @@ class FurnitureFluents:
         if is_past or not known.estimate.differs(estimate, self.config, share):
             known = replace(
                 known,
-                confirmed_s=_later(known.confirmed_s, item.last_seen_s),
+                confirmed_s=later(known.confirmed_s, item.last_seen_s),
                 rules=(*known.rules, *new_rules),
             )
             if not new_rules:
                 return known, []
-            return known, [Fluent(known.name, item.class_name, properties=_rules(new_rules))]
+            return known, [
+                Fluent(known.name, item.class_name, properties=rule_properties(new_rules))
+            ]
         if not final and self._is_resting(known, estimate, item.last_seen_s):
             return known, []
         change = Interval(known.confirmed_s, item.last_seen_s)
         generation = known.generation + 1
-        fit = _fit(item, known.model)
-        parts, links = _geometry(known.name, item, generation, change)
+        fit = fit_properties(item, known.model)
+        parts, links = geometry(known.name, item, generation, change)
         statements: list[Statement] = [
             *parts,
-            Fluent(known.name, item.class_name, properties=(*links, *_rules(new_rules), *fit)),
+            Fluent(
+                known.name, item.class_name, properties=(*links, *rule_properties(new_rules), *fit)
+            ),
             *(Ending(part, change) for part in known.parts),
         ]
         known = replace(
             known,
             estimate=estimate,
-            confirmed_s=_later(known.confirmed_s, item.last_seen_s),
+            confirmed_s=later(known.confirmed_s, item.last_seen_s),
             generation=generation,
-            parts=_names(parts),
+            parts=names_of(parts),
             rules=(*known.rules, *new_rules),
             model=item.cad.model if item.cad is not None else known.model,
             written_s=item.last_seen_s,
         )
-        known, area = _placed(known, item, change)
+        known, area = placed(known, item, change)
         known, on_floor = self._on_the_floor(known, item, change)
         return known, [*statements, *area, *on_floor]
 
@@ -276,106 +296,15 @@ class FurnitureFluents:
         return not known.estimate.differs(estimate, self.config, self.config.urgent)
 
 
-def _retraction(known: Written, now_s: float) -> list[Statement]:
-    """Everything about a piece that is not believed in any more ends."""
+def _departure(known: Written, now_s: float) -> tuple[list[Departed], list[Statement]]:
+    """What is left of a piece that is not where it was, and what ends with its place."""
     if (
         known.confirmed_s is not None and now_s < known.confirmed_s
     ):  # a recording is played again, and this is before its time
-        return []
-    finish = Interval(known.confirmed_s, now_s)
-    names = [known.name, *known.parts, *known.planes, *known.area_parts]
-    names += [name for area in known.areas for name in (*area.parts, area.name)]
-    return [Ending(name, finish) for name in (*names, *filter(None, [known.area]))]
-
-
-def _last_planes(known: Written, item: FurnitureItem) -> tuple[Written, list[Statement]]:
-    """The planes as all frames together show them, if more frames have seen them since."""
-    if item.n_frames <= known.plane_frames:
-        return known, []
-    # By frames, so that a later run goes on with numbers of its own.
-    change = Interval.at(_later(known.confirmed_s, item.last_seen_s))
-    planes, links = plane_fluents(_plane_name(known.name, item.n_frames), item, change)
-    statements: list[Statement] = [
-        *planes,
-        Fluent(known.name, item.class_name, properties=links),
-        *(Ending(name, change) for name in known.planes if name not in _names(planes)),
-    ]
-    known = replace(known, planes=_names(planes), plane_frames=item.n_frames)
-    return known, statements
-
-
-def _placed(
-    known: Written, item: FurnitureItem, since: Interval
-) -> tuple[Written, list[Statement]]:
-    """The placing area on top of a piece, new or with a new box."""
-    if item.placing_area is None or min(item.placing_area.sizes[:2]) < _LEAST_AREA_M:
-        return known, []
-    name = known.area or f"placingArea{_capitalised(known.name)}"
-    stem = f"{_capitalised(name)}_{known.generation}"
-    parts = box_fluents(f"bBox{stem}", f"poseBB{stem}", _surface(item.placing_area), since)
-    properties = [Property("hasBoundingBox", "BBox", parts[0].name)]
-    if not known.area:
-        properties.append(Property("isAreaOf", item.class_name, known.name))
-    start = UNKNOWN if known.area else since
-    area = Fluent(name, "PlacingArea", start, UNKNOWN, tuple(properties))
-    old = [Ending(part, since) for part in known.area_parts]
-    return replace(known, area=name, area_parts=_names(parts)), [*parts, area, *old]
-
-
-def _surface(space: BoundingBox) -> BoundingBox:
-    """The bottom of the space above a top: an area is a part of a surface and has no height."""
-    low = replace(space.pose, z=space.pose.z - 0.5 * space.z_size)
-    return BoundingBox(low, space.x_size, space.y_size, 0.0)
-
-
-def _geometry(
-    name: str, item: FurnitureItem, generation: int, start: Interval
-) -> tuple[list[Fluent], tuple[Property, ...]]:
-    """Pose, box and box-pose fluents of Listing 4.1, and the properties that refer to them."""
-    stem = f"{_capitalised(name)}_{generation}"
-    pose = pose_fluent(f"pose{stem}", item.pose, start)
-    fluents = [
-        replace(pose, properties=(*pose.properties, *_deviations(item))),
-        *box_fluents(f"bBox{stem}", f"poseBB{stem}", item.box, start),
-    ]
-    links = (
-        Property("hasPose", "Pose", f"pose{stem}"),
-        Property("hasBoundingBox", "BBox", f"bBox{stem}"),
-    )
-    return fluents, links
-
-
-def _plane_name(name: str, number: int) -> str:
-    return f"plane{_capitalised(name)}_{number}"
-
-
-def _rules(rules: Iterable[str]) -> tuple[Property, ...]:
-    return tuple(Property("isExplainedByRule", "xsd:string", rule) for rule in rules)
-
-
-def _fit(item: FurnitureItem, known_model: str) -> tuple[Property, ...]:
-    """The CAD model and how well it fits, when it is a new one."""
-    if item.cad is None or item.cad.model == known_model:
-        return ()
-    return (
-        Property("hasCadModel", "xsd:string", item.cad.model),
-        Property("hasFitScore", "xsd:double", round(item.cad.score, 4)),
-    )
-
-
-def _deviations(item: FurnitureItem) -> tuple[Property, ...]:
-    """How uncertain a verified pose is, as standard deviations."""
-    if item.cad is None:
-        return ()
-    xx, yy, yaw = np.diag(item.cad.covariance).tolist()
-    return (
-        Property("hasPositionDeviation", "xsd:double", round(math.sqrt(0.5 * (xx + yy)), 4)),
-        Property("hasYawDeviation", "xsd:double", round(math.sqrt(yaw), 4)),
-    )
-
-
-def _names(fluents: Iterable[Fluent]) -> tuple[str, ...]:
-    return tuple(fluent.name for fluent in fluents)
+        return [], []
+    since = Interval(known.confirmed_s, now_s)
+    known, endings = place_endings(known, since)
+    return [Departed(known, since)], endings
 
 
 def _free_name(class_name: str, taken: set[str]) -> str:
@@ -384,11 +313,3 @@ def _free_name(class_name: str, taken: set[str]) -> str:
     while f"{stem}{number}" in taken:
         number += 1
     return f"{stem}{number}"
-
-
-def _capitalised(name: str) -> str:
-    return name[0].upper() + name[1:]
-
-
-def _later(before_s: float | None, now_s: float) -> float:
-    return now_s if before_s is None else max(before_s, now_s)

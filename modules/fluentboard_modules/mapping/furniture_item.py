@@ -72,6 +72,7 @@ class FurnitureItem:
         first_seen_s: stamp of the first frame that supports it, seconds.
         last_seen_s: stamp of the last frame that saw its main plane, seconds.
         cad: the model that explains it; None if nothing was verified.
+        frames_s: stamps of the frames that saw one of its planes, in seconds, oldest first.
     """
 
     identifier: str
@@ -88,6 +89,7 @@ class FurnitureItem:
     first_seen_s: float
     last_seen_s: float
     cad: CadFit | None = None
+    frames_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

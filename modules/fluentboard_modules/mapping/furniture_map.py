@@ -306,7 +306,14 @@ class FurnitureMap:
             first_seen_s=self._stamp_s if track is None else track.item.first_seen_s,
             last_seen_s=(self._stamp_s if track is None or seen_now else track.item.last_seen_s),
             cad=candidate.fit,
+            frames_s=self._frames_of(candidate),
         )
+
+    def _frames_of(self, candidate: Candidate) -> tuple[float, ...]:
+        """Stamps of the frames that saw one of its planes."""
+        planes = self._plane_map.planes
+        known = [p.identifier for p in candidate.planes if p.identifier in planes]
+        return tuple(sorted({stamp_s for k in known for stamp_s in planes[k].stamps_s}))
 
     def _report(self) -> list[FurnitureChange]:
         changes: list[FurnitureChange] = []

@@ -14,6 +14,12 @@ from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import FusionConfig
 from fluentboard_modules.mapping.contours import tidy
+from fluentboard_modules.mapping.existence import (
+    after_detections,
+    after_misses,
+    log_odds,
+    probability,
+)
 from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
 
 _NEAREST_M = 0.3  # nearer to the sensor nothing is judged
@@ -60,6 +66,8 @@ class MapPlane:
         n_unnoticed: frames that had it in view but found no region there.
         n_points: depth pixels over all frames.
         last_seen: number of the update that last saw it.
+        odds: log-odds of the belief that it is there.
+        stamps_s: of the frames that saw it, oldest first; the last `stamps_max`.
         sensor_position: `(3,)`; where the sensor last saw it from.
     """
 
@@ -80,6 +88,8 @@ class MapPlane:
     n_unnoticed: int = 0
     n_points: int = 0
     last_seen: int = 0
+    odds: float | None = None
+    stamps_s: list[float] = field(default_factory=list[float])
     sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
     _region: PlanarRegion | None = None
     _fit: FloatArray | None = None
@@ -168,7 +178,12 @@ class MapPlane:
         return int(np.count_nonzero(near[local[:, 1], local[:, 0]]))
 
     def add(
-        self, region: PlanarRegion, cells: NDArray[np.int32], weight: float, update: int
+        self,
+        region: PlanarRegion,
+        cells: NDArray[np.int32],
+        weight: float,
+        update: int,
+        stamp_s: float,
     ) -> None:
         """Takes in what one frame saw of the plane.
 
@@ -177,6 +192,7 @@ class MapPlane:
             cells: the cells it covers, from `cells_of`.
             weight: inverse variance of the region's position, 1/m^2.
             update: running number of the frame.
+            stamp_s: its time, in seconds.
         """
         self._make_room(cells)
         local = cells - self.corner
@@ -198,6 +214,8 @@ class MapPlane:
         if self.last_seen != update or self.n_frames == 0:
             self.n_frames += 1
             self.n_confirmed += 1
+            self.odds = after_detections(self._odds, 1, self.config.existence)
+            self.stamps_s = [*self.stamps_s[1 - self.config.stamps_max :], stamp_s]
         self.last_seen = update
         self.sensor_position = region.sensor_position
         self._fit = self._solid = None
@@ -229,6 +247,9 @@ class MapPlane:
         self.excess_sum += other.excess_sum
         self.excess_weight += other.excess_weight
         self.n_frames = max(self.n_frames, other.n_frames)
+        self.odds = max(self._odds, other._odds)
+        stamps_s = sorted({*self.stamps_s, *other.stamps_s})
+        self.stamps_s = stamps_s[-self.config.stamps_max :]
         self.n_missed = min(self.n_missed, other.n_missed)
         self.n_confirmed = max(self.n_confirmed, other.n_confirmed)
         self.n_unnoticed = min(self.n_unnoticed, other.n_unnoticed)
@@ -243,6 +264,7 @@ class MapPlane:
             return
         if view.seen_through >= self.config.missed_share * view.expected:
             self.n_missed += 1
+            self.odds = after_misses(self._odds, 1, self.config.existence)
         else:
             self.n_unnoticed += 1
         if self.n_confirmed + self.n_missed > self.config.memory_frames:
@@ -259,8 +281,12 @@ class MapPlane:
 
     @property
     def existence(self) -> float:
-        """Share of the recent views that saw it, of those that saw it or saw through it."""
-        return self.n_confirmed / max(self.n_confirmed + self.n_missed, 1)
+        """Belief that it is there, by the frames that saw it and those that saw through it."""
+        return probability(self._odds)
+
+    @property
+    def _odds(self) -> float:
+        return log_odds(self.config.existence.prior) if self.odds is None else self.odds
 
     def look(
         self,

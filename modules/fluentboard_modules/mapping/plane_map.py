@@ -39,6 +39,7 @@ class PlaneMap:
         self._directory = _Directory()
         self._next_identifier = 0
         self._n_updates = 0
+        self._stamp_s = 0.0
         self._merged_into: dict[int, int] = {}
 
     @property
@@ -74,6 +75,7 @@ class PlaneMap:
             Per region the identifier of its plane, and per plane in view how the frame saw it.
         """
         self._n_updates += 1
+        self._stamp_s = frame.stamp_s
         assigned: list[int] = []
         cells_seen: dict[int, list[NDArray[np.int32]]] = {}
         for region in regions:  # largest first: a whole table top before its scraps
@@ -121,7 +123,7 @@ class PlaneMap:
             plane = self._merge([identifier, *others])
             if plane.identifier != identifier:
                 cells = plane.cells_of(region)
-        plane.add(region, cells, self._weight(region), self._n_updates)
+        plane.add(region, cells, self._weight(region), self._n_updates, self._stamp_s)
         self._directory.put(plane)
         return plane.identifier, cells
 

@@ -5,32 +5,46 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from fluentboard.errors import FluentboardError
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
 from fluentboard_modules.geometry_fluents import box_of, pose_of
 from fluentboard_modules.mapping.area_fluents import WrittenArea
-from fluentboard_modules.mapping.furniture_fluents import Estimate, Written
+from fluentboard_modules.mapping.config import ExistenceConfig
+from fluentboard_modules.mapping.written_furniture import Estimate, Written
 
 FLOOR_AREAS = ("SittingArea", "ManipulationArea")
 
 logger = logging.getLogger(__name__)
 
 
-def recollect(known: Iterable[Fluent], geometry: Mapping[str, Fluent]) -> list[Written]:
+def recollect(
+    known: Iterable[Fluent],
+    geometry: Mapping[str, Fluent],
+    existence: ExistenceConfig | None = None,
+) -> list[Written]:
     """What the board has been told about furniture in earlier runs.
 
     Args:
         known: open furniture fluents.
-        geometry: open poses, boxes, placing areas and planes, by name.
+        geometry: open poses, boxes, placing areas, planes and evidence, by name.
+        existence: what is believed of a piece without evidence.
     """
+    existence = existence or ExistenceConfig()
     found: list[Written] = []
     areas = {
         str(owner): area
         for area in geometry.values()
         if area.class_name == "PlacingArea"
         for owner in area.values("isAreaOf")
+    }
+    evidence = {
+        str(about): fluent
+        for fluent in geometry.values()
+        if fluent.class_name == "ExistenceEvidence"
+        for about in fluent.values("isEvidenceAbout")
     }
     for thing in known:
         poses = _open_ones(thing, "hasPose", geometry)
@@ -53,11 +67,12 @@ def recollect(known: Iterable[Fluent], geometry: Mapping[str, Fluent]) -> list[W
             Written(
                 name=thing.name,
                 estimate=estimate,
-                confirmed_s=_latest_s(pose.start),
+                confirmed_s=_latest_s(pose.start, evidence.get(thing.name)),
                 generation=_generation(thing.values("hasPose")),
                 parts=(pose.name, box.name, *_pose_names(box)),
                 planes=tuple(plane.name for plane in planes),
                 plane_frames=max((_frames(plane) for plane in planes), default=0),
+                plane_number=_generation(thing.values("hasMainPlane")),
                 area=area.name if area else "",
                 area_parts=tuple(
                     name for part in area_boxes for name in (part.name, *_pose_names(part))
@@ -65,9 +80,26 @@ def recollect(known: Iterable[Fluent], geometry: Mapping[str, Fluent]) -> list[W
                 areas=_floor_areas(thing.name, geometry),
                 model=str(next(iter(thing.values("hasCadModel")[-1:]), "")),
                 rules=tuple(str(rule) for rule in thing.values("isExplainedByRule")),
+                **_believed(evidence.get(thing.name), existence),
             )
         )
     return found
+
+
+def _believed(evidence: Fluent | None, existence: ExistenceConfig) -> dict[str, Any]:
+    """What the open evidence says, as attributes of `Written`."""
+    if evidence is None:
+        return {"belief_before": existence.prior}
+    belief = max((float(b) for b in evidence.values("hasExistenceBelief")), default=existence.prior)
+    belief = min(max(belief, 1.0 - existence.belief_max), existence.belief_max)
+    frames_s = [float(stamp_s) for stamp_s in evidence.values("hasSupportingFrame")]
+    return {
+        "evidence": evidence.name,
+        "evidence_number": _generation([evidence.name]),
+        "belief": belief,
+        "belief_before": belief,
+        "frames_until_s": max(frames_s, default=None),
+    }
 
 
 def _floor_areas(owner: str, geometry: Mapping[str, Fluent]) -> tuple[WrittenArea, ...]:
@@ -96,8 +128,11 @@ def _generation(pose_names: Iterable[object]) -> int:
     return max((int(found.group(1)) for found in numbers if found), default=0)
 
 
-def _latest_s(start: Interval) -> float | None:
+def _latest_s(start: Interval, evidence: Fluent | None) -> float | None:
+    """The last time the board knows of at which a piece stood there."""
     times = [time_s for time_s in (start.earliest, start.latest) if time_s is not None]
+    if evidence is not None:
+        times += [float(stamp_s) for stamp_s in evidence.values("hasSupportingFrame")]
     return max(times, default=None)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,10 +16,7 @@ from fluentboard_modules.frames.sources import open_source
 from fluentboard_modules.mapping.album import Album
 from fluentboard_modules.mapping.cad_library import CadLibrary, load_library
 from fluentboard_modules.mapping.config import MappingConfig
-from fluentboard_modules.mapping.furniture_fluents import (
-    FurnitureFluents,
-    UpdateConfig,
-)
+from fluentboard_modules.mapping.furniture_fluents import FurnitureFluents
 from fluentboard_modules.mapping.furniture_item import FurnitureItem
 from fluentboard_modules.mapping.furniture_map import FurnitureMap
 from fluentboard_modules.mapping.judge import FurnitureJudge
@@ -32,15 +29,19 @@ from fluentboard_modules.mapping.map_frame import (
 from fluentboard_modules.mapping.model_map import with_models
 from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
+from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
 from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
 from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
 from fluentboard_modules.mapping.surfaces import detect_regions
+from fluentboard_modules.mapping.written_furniture import UpdateConfig
 from fluentboard_modules.progress import FrameProgress
 from fluentboard_modules.statements import Ending, Statement
 from fluentboard_modules.worker import WorkReport, run, stop_on_signals
 from fluentboard_ontology import read as read_ontology
 
 logger = logging.getLogger(__name__)
+
+_EVIDENCE = "ExistenceEvidence"
 
 
 class MappingModule:
@@ -78,12 +79,14 @@ class MappingModule:
         self._map = FurnitureMap(self._rules, self._config.furniture, noise, judge)
         self._fluents = FurnitureFluents(
             config=update or UpdateConfig(),
+            existence=self._config.furniture.fusion.existence,
             symmetry_order={
                 furniture.name: furniture.symmetry_order
                 for furniture in self._rules.furniture_classes
             },
         )
         self._library = library or CadLibrary()
+        self._places: RememberedPlaces | None = None
         self._mesh = SceneMesh(self._config.mesh) if keeps_mesh else None
         self._first_s: float | None = None
         self._last_s = 0.0
@@ -106,18 +109,21 @@ class MappingModule:
 
     def begin(self, board: Client) -> Sequence[Command]:
         """Takes over what the board knows about furniture; writes the map frame."""
+        fusion = self._config.furniture.fusion
         known = list(board.fluents("Furniture", is_open=True))
         geometry = {
             fluent.name: fluent
-            for class_name in ("Pose", "BBox", "PlacingArea", *FLOOR_AREAS, "Plane")
+            for class_name in ("Pose", "BBox", "PlacingArea", *FLOOR_AREAS, "Plane", _EVIDENCE)
             for fluent in board.fluents(class_name, is_open=True)
         }
         ended = board.fluents("Furniture", is_open=False)
         self._fluents = replace(
             self._fluents,
-            remembered=tuple(recollect(known, geometry)),
+            remembered=tuple(recollect(known, geometry, fusion.existence)),
             names=frozenset(fluent.name for fluent in (*known, *ended)),
         )
+        planes = remembered_planes(known, geometry)
+        self._places = RememberedPlaces(planes, fusion, self._config.furniture.drop_score)
         if self._fluents.remembered:
             logger.info("the board knows %d pieces of furniture", len(self._fluents.remembered))
         before = {f.name: f for f in board.fluents("MapFrame")}
@@ -130,12 +136,14 @@ class MappingModule:
         """What a frame changes about the furniture."""
         regions = detect_regions(frame, self._config.surfaces)
         self._map.update(frame, regions, self._rules.classify(regions))
+        unseen = [known.name for known in self._fluents.remembered]
+        gone = self._places.look(frame, unseen) if self._places is not None else set()
         self._first_s = frame.stamp_s if self._first_s is None else self._first_s
         self._last_s = frame.stamp_s
         self._album.add(frame)
         if self._mesh is not None:
             self._mesh.add(frame)
-        return self._written(final=False)
+        return self._written(final=False, gone=gone)
 
     def finish(self) -> Sequence[Command]:
         """The last, best estimates."""
@@ -169,9 +177,9 @@ class MappingModule:
         seen = self._mesh.mesh() if self._mesh is not None else joined([])
         return with_models(seen, self.furniture, self._library)
 
-    def _written(self, *, final: bool) -> list[Command]:
+    def _written(self, *, final: bool, gone: Collection[str] = ()) -> list[Command]:
         self._fluents, statements = self._fluents.update(
-            self._map.furniture(), self._last_s, final=final
+            self._map.furniture(), self._last_s, final=final, gone=gone
         )
         return commands_for(statements)
 

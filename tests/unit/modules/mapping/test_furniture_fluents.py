@@ -67,7 +67,8 @@ def test_new_piece_is_written_as_in_listing_4_1() -> None:
 def test_new_piece_possibly_stood_there_before_it_was_seen() -> None:
     _, statements = start().update([a_table()], 5.0)
     for fluent in fluents(statements).values():
-        assert (fluent.start, fluent.finish) == (Interval(None, 3.0), UNKNOWN)
+        if fluent.class_name != "ExistenceEvidence":
+            assert (fluent.start, fluent.finish) == (Interval(None, 3.0), UNKNOWN)
 
 
 def test_planes_and_rules_explain_the_piece() -> None:
@@ -149,9 +150,59 @@ def test_moved_piece_takes_its_placing_area_along() -> None:
 
 def test_piece_that_is_not_believed_in_any_more_ends_with_all_its_parts() -> None:
     state, introduced = start().update([a_table()], 5.0)
-    _, statements = state.update([], 8.0)
+    state, statements = state.update([], 8.0)
+    assert endings(statements).keys() == fluents(introduced).keys() - {"table1"}
+    state, later = state.update([], 20.0)
+    assert later == []
+    _, later = state.update([], 40.0)
+    assert endings(later).keys() == {"table1"}
+    assert {*endings(statements).values(), *endings(later).values()} == {Interval(5.0, 8.0)}
+
+
+def test_missing_piece_is_given_up_at_the_end_of_a_run() -> None:
+    state, introduced = start().update([a_table()], 5.0)
+    _, statements = state.update([], 8.0, final=True)
     assert endings(statements).keys() == fluents(introduced).keys()
-    assert set(endings(statements).values()) == {Interval(5.0, 8.0)}
+
+
+def test_piece_that_turns_up_elsewhere_keeps_its_name() -> None:
+    state, introduced = start().update([a_table()], 5.0)
+    state, _ = state.update([], 8.0)
+    moved = replace(a_table(x=6.0, identifier="table2", last_seen_s=9.0), first_seen_s=7.0)
+    _, statements = state.update([moved], 9.0)
+    written = fluents(statements)
+    assert written["table1"].values("hasPose") == ("poseTable1_1",)
+    assert written["poseTable1_1"].start == Interval(5.0, 7.0)
+    assert written["placingAreaTable1_1"].values("isAreaOf") == ("table1",)
+    assert "table1" not in endings(statements)
+    # Names are used once.
+    assert written.keys() & fluents(introduced).keys() == {"table1"}
+
+
+def test_piece_of_another_size_is_another_piece() -> None:
+    state, _ = start().update([a_table()], 5.0)
+    state, _ = state.update([], 8.0)
+    other = replace(a_table(x=6.0, identifier="table2", last_seen_s=9.0), first_seen_s=7.0)
+    other = replace(other, box=replace(other.box, x_size=2.0))
+    assert "table2" in fluents(state.update([other], 9.0)[1])
+
+
+def test_piece_is_not_in_two_places_at_once() -> None:
+    state, _ = start().update([a_table()], 5.0)
+    state, _ = state.update([], 8.0)
+    seen_before = replace(a_table(x=6.0, identifier="table2"), first_seen_s=4.0)
+    assert "table2" in fluents(state.update([seen_before], 9.0)[1])
+
+
+def test_frames_that_support_a_piece_are_told_once_each() -> None:
+    state, first = start().update([replace(a_table(), frames_s=(3.0, 4.0, 5.0))], 5.0)
+    seen = replace(a_table(last_seen_s=9.0), frames_s=(3.0, 4.0, 5.0, 7.0, 9.0), score=0.95)
+    state, second = state.update([seen], 9.0)
+    assert fluents(first)["evidenceTable1_0"].values("hasSupportingFrame") == (3.0, 4.0, 5.0)
+    assert fluents(second)["evidenceTable1_1"].values("hasSupportingFrame") == (7.0, 9.0)
+    assert fluents(second)["evidenceTable1_1"].values("hasExistenceBelief") == (0.95,)
+    assert endings(second)["evidenceTable1_0"] == Interval.at(9.0)
+    assert state.update([seen], 10.0, final=True)[1] == []
 
 
 def test_name_of_an_ended_piece_is_not_used_again() -> None:
@@ -180,7 +231,11 @@ def test_board_is_remembered_by_a_later_run() -> None:
         names=frozenset({"table1"}),
     )
     state, statements = later.update([a_table(last_seen_s=105.0)], 105.0)
-    assert statements == []
+    # Both runs have seen it, so the belief grows.
+    (evidence,) = fluents(statements).values()
+    assert evidence.name == "evidenceTable1_1"
+    assert float(evidence.values("hasExistenceBelief")[0]) > 0.95
+    assert endings(statements).keys() == {"evidenceTable1_0"}
     _, statements = state.update([a_table(x=2.5, last_seen_s=107.0)], 107.0)
     assert "poseTable1_1" in fluents(statements)
     assert endings(statements)["poseTable1_0"] == Interval(105.0, 107.0)
