@@ -57,3 +57,16 @@ def test_yasgui_shows_what_a_query_finds(address: str, run_script: Callable[...,
     requests = [(request["method"], request["status"]) for request in shown["requests"]]
     assert requests == [("POST", 200), ("POST", 200), ("POST", 400)]
     assert all(request["asks"] for request in shown["requests"])
+
+
+def test_client_written_from_the_documents_misses_nothing(
+    address: str, run_script: Callable[..., str]
+) -> None:
+    told = json.loads(run_script("from-the-documents.mjs", address))
+    assert told == {
+        "repeated": True,
+        "finish": [3, 4],
+        "refused": "version-mismatch",
+        "heard": ["snapshot", "delta", "resumed", "delta"],
+        "fresh": 3,
+    }
