@@ -12,8 +12,15 @@ from hypothesis import strategies as st
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.search.config import BranchAndBoundConfig, PlannerConfig
-from fluentboard_modules.search.planners import BranchAndBound, Greedy, IteratedLocalSearch
+from fluentboard_modules.search.planners import (
+    BranchAndBound,
+    Greedy,
+    IteratedLocalSearch,
+    Planner,
+    bounded,
+)
 from fluentboard_modules.search.planning import (
+    Plan,
     PlanningProblem,
     carry_out,
     detection_probability,
@@ -51,6 +58,11 @@ def random_problem(
     return PlanningProblem(
         cell_p, ptr, np.concatenate(lists).astype(np.int64), times, omega, recall
     )
+
+
+def plan_of(planner: Planner, problem: PlanningProblem) -> Plan:
+    """The planner's plan with its lower bound."""
+    return bounded(problem, planner.find(problem))
 
 
 def expected_time_s(problem: PlanningProblem, views: Sequence[int]) -> tuple[float, float]:
@@ -96,7 +108,7 @@ def best_by_exhaustion(problem: PlanningProblem) -> float:
 @settings(max_examples=25)
 def test_unlimited_branch_and_bound_equals_exhaustive_search(seed: int, views: int) -> None:
     problem = random_problem(np.random.default_rng(seed), views, symmetric=bool(seed % 2))
-    plan = EXACT.plan(problem)
+    plan = plan_of(EXACT, problem)
     optimum = best_by_exhaustion(problem)
     assert plan.expected_time_s == pytest.approx(optimum, rel=1e-9)
     assert plan.gap == pytest.approx(0.0, abs=1e-12)
@@ -106,22 +118,51 @@ def test_unlimited_branch_and_bound_equals_exhaustive_search(seed: int, views: i
 @settings(max_examples=25)
 def test_no_planner_beats_the_optimum_and_none_is_worse_than_greedy(seed: int, views: int) -> None:
     problem = random_problem(np.random.default_rng(seed), views)
-    optimum = EXACT.plan(problem).expected_time_s
-    greedy = Greedy().plan(problem).expected_time_s
+    optimum = plan_of(EXACT, problem).expected_time_s
+    greedy = plan_of(Greedy(), problem).expected_time_s
     for planner in (LIMITED, PRUNED, LOCAL):
-        found = planner.plan(problem).expected_time_s
+        found = plan_of(planner, problem).expected_time_s
         assert optimum * (1.0 - 1e-9) <= found <= greedy * (1.0 + 1e-9), planner.name
 
 
-@given(seed=SEEDS, views=st.integers(1, 7), omega=st.sampled_from([0.0, 0.05, 0.3]))
-@settings(max_examples=25)
-def test_the_lower_bound_is_one(seed: int, views: int, omega: float) -> None:
-    problem = random_problem(np.random.default_rng(seed), views, omega=omega, symmetric=False)
-    optimum = EXACT.plan(problem).expected_time_s
+@given(
+    seed=SEEDS,
+    views=st.integers(1, 7),
+    omega=st.sampled_from([0.0, 0.05, 0.3]),
+    recall=st.sampled_from([1.0, 0.7]),
+)
+@settings(max_examples=40)
+def test_the_lower_bound_is_one(seed: int, views: int, omega: float, recall: float) -> None:
+    problem = random_problem(
+        np.random.default_rng(seed), views, omega=omega, recall=recall, symmetric=False
+    )
+    optimum = plan_of(EXACT, problem).expected_time_s
     for planner in (Greedy(), LOCAL, LIMITED):
-        plan = planner.plan(problem)
+        plan = plan_of(planner, problem)
         assert plan.lower_bound_s <= optimum * (1.0 + 1e-9)
         assert 0.0 <= plan.gap <= 1.0
+
+
+def test_the_lower_bound_knows_what_views_share() -> None:
+    # Ten views of the same cells, of which one suffices: no two of them gain more than one.
+    cells = np.arange(200)
+    ptr = np.arange(0, 2_001, 200)
+    times = np.full((11, 11), 10.0)
+    alike = PlanningProblem(np.full(200, 0.005), ptr, np.tile(cells, 10), times)
+    plan = plan_of(LOCAL, alike)
+    assert len(plan.views) == 1
+    assert plan.gap < 0.05
+
+
+def test_a_view_out_of_reach_does_not_weaken_the_bound() -> None:
+    times = np.array([[0.0, 20.0, 40.0], [20.0, 0.0, 20.0], [40.0, 20.0, 0.0]])
+    problem = PlanningProblem(
+        np.full(20, 0.02), np.array([0, 10, 20]), np.arange(20), times, omega=0.0
+    )
+    plan = plan_of(EXACT, problem)
+    found = bounded(problem, Greedy().find(problem))
+    # By 20 s nothing can be seen, and by 40 s one view: both are in the bound.
+    assert found.lower_bound_s > 0.9 * plan.expected_time_s
 
 
 @given(seed=SEEDS, views=st.integers(1, 25))
@@ -129,7 +170,7 @@ def test_the_lower_bound_is_one(seed: int, views: int, omega: float) -> None:
 def test_a_plan_says_its_expected_time_and_probability_truly(seed: int, views: int) -> None:
     problem = random_problem(np.random.default_rng(seed), views, cells=300)
     for planner in (Greedy(), LIMITED, LOCAL):
-        plan = planner.plan(problem)
+        plan = plan_of(planner, problem)
         spent, probability = expected_time_s(problem, plan.views)
         assert plan.expected_time_s == pytest.approx(spent, rel=1e-9)
         assert plan.success_probability == pytest.approx(probability, rel=1e-9)
@@ -142,7 +183,7 @@ def test_a_plan_says_its_expected_time_and_probability_truly(seed: int, views: i
 def test_the_same_problem_gives_the_same_plan(seed: int) -> None:
     problem = random_problem(np.random.default_rng(seed), 20, cells=200)
     again = random_problem(np.random.default_rng(seed), 20, cells=200)
-    assert LOCAL.plan(problem) == LOCAL.plan(again)
+    assert plan_of(LOCAL, problem) == plan_of(LOCAL, again)
 
 
 @given(p=st.lists(st.floats(0.0, 0.9), max_size=8), more=st.lists(st.floats(0.0, 0.9), max_size=4))

@@ -66,6 +66,12 @@ class PlannerConfig(_Settings):
     """The default planner: iterated local search."""
 
     rounds_max: int = Field(default=60, ge=0, description="Shakes at most.")
+    replanning_rounds: int = Field(
+        default=0,
+        ge=0,
+        description="The same where there is a plan already: the next look will change it again, "
+        "so that shaking costs more time than it saves.",
+    )
     idle_rounds: int = Field(
         default=15, ge=1, description="Shakes without an improvement after which it stops."
     )

@@ -34,6 +34,7 @@ from fluentboard_modules.search.planners import (
     Greedy,
     IteratedLocalSearch,
     Planner,
+    bounded,
 )
 from fluentboard_modules.search.planning import Plan, PlanningProblem
 from fluentboard_modules.search.record import SearchRecord
@@ -202,9 +203,9 @@ def run_trial(
     for planner in planners:
         if trial.problem is not None:
             begun = time.thread_time()
-            plan = planner.plan(trial.problem)
+            plan = planner.find(trial.problem)
             spent = time.thread_time() - begun
-            trial.plans[planner.name] = plan
+            trial.plans[planner.name] = bounded(trial.problem, plan)
             trial.expected_s[planner.name] = (plan.expected_time_s, spent)
         else:
             record = search_once(world, experiment, trial, seed, planner)

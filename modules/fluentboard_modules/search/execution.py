@@ -19,7 +19,7 @@ from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import SearchConfig
 from fluentboard_modules.search.frontiers import frontiers_of
 from fluentboard_modules.search.occupancy import OccupancyMap
-from fluentboard_modules.search.planners import IteratedLocalSearch, Planner
+from fluentboard_modules.search.planners import IteratedLocalSearch, Planner, bounded
 from fluentboard_modules.search.planning import Plan, PlanningProblem
 from fluentboard_modules.search.record import Moment, SearchRecord, SearchStep
 from fluentboard_modules.search.region import Region, exclude_small_gaps
@@ -146,6 +146,7 @@ class ObjectSearch:
         begun = self._clock()
         plan = self._plan(views, problem)
         planning_s = self._clock() - begun
+        plan = bounded(problem, plan)
         if not plan.views:
             return self._ended("exhausted")
         chosen = views.views[plan.views[0]]
@@ -257,7 +258,7 @@ class ObjectSearch:
     def _plan(self, views: SampledViews, problem: PlanningProblem) -> Plan:
         number = {view: n for n, view in enumerate(views.views)}
         previous = tuple(number[view] for view in self._previous if view in number)
-        return self._planner.plan(problem, previous)
+        return self._planner.find(problem, previous)
 
     def _as_planned(
         self,

@@ -31,8 +31,11 @@ class Planner(Protocol):
         """What to call it in tables."""
         ...
 
-    def plan(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
-        """A plan; `previous` is the rest of the last one, as far as its views still exist."""
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
+        """A plan; `previous` is the rest of the last one, as far as its views still exist.
+
+        Its lower bound is only that which the search itself proves; see `bounded`.
+        """
         ...
 
 
@@ -42,9 +45,9 @@ class Greedy:
 
     name: str = "greedy"
 
-    def plan(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The greedy plan; a previous one does not matter."""
-        return _bounded(problem, _greedy(problem))
+        return _greedy(problem)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +67,13 @@ class BranchAndBound:
         zeta = int(self.config.prune_dominated)
         return f"b&b ψ={depth} φ={self.config.branch_limit:g} ζ={zeta}"
 
-    def plan(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The best plan found; without limits and pruning its bound is its expected time."""
         first = _greedy(problem)
         found, finished = branch_and_bound(problem, first, self.config)
         if finished and self.config.is_exact:
             return replace(found, lower_bound_s=found.expected_time_s)
-        return _bounded(problem, found)
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +87,17 @@ class IteratedLocalSearch:
     config: PlannerConfig = field(default_factory=PlannerConfig)
     name: str = "local search"
 
-    def plan(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The best plan found within the limits; deterministic if the time limit is not met."""
         begun = time.perf_counter()
         greedy = _greedy(problem)
         if not greedy.views or not greedy.is_complete:
-            return _bounded(problem, greedy)
+            return greedy
         best = _improved(problem, greedy)
+        rounds = self.config.rounds_max
         if previous:
+            # After a look the old plan is a good beginning, and the next look will change it again.
+            rounds = self.config.replanning_rounds
             before = _improved(problem, _finished(problem, carry_out(problem, previous)))
             if before.is_complete and before.expected_time_s < best.expected_time_s:
                 best = before
@@ -99,7 +105,7 @@ class IteratedLocalSearch:
         seed = np.array([2 * self.config.seed + 1], np.uint64) * np.uint64(0x9E3779B97F4A7C15)
         plan, length = _room(problem, best.views)
         expected, idle, words = best.expected_time_s, 0, problem.words
-        for _ in range(self.config.rounds_max):
+        for _ in range(rounds):
             length, expected, waited = shake_and_improve(
                 plan, length, expected, words.need, words.start, problem.times_s,
                 *words.views, 1, seed,
@@ -109,7 +115,17 @@ class IteratedLocalSearch:
                 break
             if time.perf_counter() - begun > self.config.time_limit_s:
                 break
-        return _bounded(problem, carry_out(problem, plan[:length]))
+        return carry_out(problem, plan[:length])
+
+
+def bounded(problem: PlanningProblem, plan: Plan) -> Plan:
+    """The plan with a lower bound of what any plan takes, if it is complete.
+
+    Apart from planning, as it takes longer than some planners do and the robot need not wait for it.
+    """
+    if not plan.is_complete or plan.lower_bound_s >= plan.expected_time_s:
+        return plan
+    return replace(plan, lower_bound_s=lower_bound_s(problem, plan.views, plan.expected_time_s))
 
 
 def branch_and_bound(
@@ -178,8 +194,3 @@ def _room(problem: PlanningProblem, views: tuple[int, ...]) -> tuple[NDArray[np.
     plan[: len(views)] = views
     return plan, len(views)
 
-
-def _bounded(problem: PlanningProblem, plan: Plan) -> Plan:
-    if not plan.is_complete:
-        return plan
-    return replace(plan, lower_bound_s=lower_bound_s(problem, plan.views, plan.expected_time_s))

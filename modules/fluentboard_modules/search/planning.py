@@ -177,8 +177,27 @@ def carry_out(problem: PlanningProblem, views: ArrayLike) -> Plan:
     )
 
 
+def layer_weights(cell_p: FloatArray, recall: float) -> FloatArray:
+    """`(layers, n)`; what the first, second, ... look at each cell adds to W.
+
+    One layer for a perfect detector; otherwise looks beyond the fourth count for nothing.
+
+    Args:
+        cell_p: `(n,)`; p(c_k).
+        recall: probability that the object is recognised in a look that shows it.
+    """
+    weights = np.zeros((1 if recall == 1.0 else _LAYERS_MAX, len(cell_p)))
+    missed = np.ones(len(cell_p))  # probability that a cell with a target shows nothing so far
+    before = np.zeros(len(cell_p))
+    for layer in weights:
+        missed = missed * (1.0 - recall)
+        after = -np.log1p(-cell_p * (1.0 - missed))
+        layer[:] = after - before
+        before = after
+    return weights
+
+
 def _words(problem: PlanningProblem) -> Words:
-    layers = 1 if problem.recall == 1.0 else _LAYERS_MAX
     # Cells of equal probability share words; each group begins a new one.
     values, group = np.unique(problem.cell_p, return_inverse=True)
     order = np.argsort(group, kind="stable")
@@ -189,14 +208,8 @@ def _words(problem: PlanningProblem) -> Words:
     bit[order] = 64 * np.repeat(first_word[:-1], sizes) + within
     count = int(first_word[-1])
     probability = np.repeat(values, np.diff(first_word))
-    weights = np.zeros((layers, count))
-    missed = np.ones(count)  # probability that a cell with a target shows nothing in m looks
-    before = np.zeros(count)
-    for layer in range(layers):
-        missed = missed * (1.0 - problem.recall)
-        after = -np.log1p(-probability * (1.0 - missed))
-        weights[layer] = after - before
-        before = after
+    weights = layer_weights(probability, problem.recall)
+    layers = len(weights)
     view = np.repeat(np.arange(problem.view_count), np.diff(problem.view_ptr))
     place = bit[problem.view_cells]
     key, inverse = np.unique(view * max(count, 1) + (place >> 6), return_inverse=True)
