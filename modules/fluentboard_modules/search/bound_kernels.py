@@ -1,4 +1,4 @@
-"""Compiled part of the lower bound: prices of cells that make a relaxed coverage as small as can be."""
+"""Compiled part of the lower bound: prices of cells that make a relaxed coverage small."""
 
 from __future__ import annotations
 

@@ -37,7 +37,8 @@ def register(app: typer.Typer, work: typer.Typer, evaluate: typer.Typer) -> None
     evaluate.command(
         "search",
         epilog="Examples:\n\nfluentboard evaluate search --trials 5\n\n"
-        "fluentboard evaluate search --scene race_world/scene.json --export instances",
+        "fluentboard evaluate search --scene race_world/scene.json --export instances\n\n"
+        "fluentboard evaluate search --experiment known --no-grid --keep trials",
     )(evaluate_search)
 
 
@@ -221,7 +222,7 @@ def evaluate_search(
     scene: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="A scene with search volumes. Default: a simulated room of ours."
+            metavar="FILE", help="A scene with search volumes. Default: two simulated rooms."
         ),
     ] = None,
     trials: Annotated[int, typer.Option(min=1, help="Random starts of each experiment.")] = 20,
@@ -232,6 +233,13 @@ def evaluate_search(
             "--looks-on-the-way/--looks-at-views-only",
             help="Whether the robot also looks while it drives, its camera on what is unseen.",
         ),
+    ] = False,
+    whole_grid: Annotated[
+        bool,
+        typer.Option(
+            "--grid/--no-grid",
+            help="Branch and bound with all settings, or only with those of the original software.",
+        ),
     ] = True,
     export: Annotated[
         Path | None,
@@ -241,8 +249,18 @@ def evaluate_search(
             "times, plans-NN.json with each planner's sequence and E[T].",
         ),
     ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep the results of every trial there, and do not run again what is there.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The numbers as JSON.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw Figure 5.9 there (PNG).")
     ] = None,
 ) -> None:
     """Measure search planners as in Section 5.3: Table 5.1 and Figure 5.9.
@@ -257,13 +275,11 @@ def evaluate_search(
                 f"no experiment is called {name!r}; there are {', '.join(_EXPERIMENTS)}"
             )
     with needs_extra("search"):
+        from fluentboard_modules.search.evaluate import EvaluationOptions
         from fluentboard_modules.search.evaluate import evaluate_search as run
     run(
         chosen,
-        scene=scene,
-        trials=trials,
-        seed=seed,
-        looks_on_the_way=on_the_way,
-        export=export,
-        output=output,
+        EvaluationOptions(
+            scene, trials, seed, on_the_way, whole_grid, export, keep, output, picture
+        ),
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import statistics
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,96 +13,130 @@ from rich.console import Console
 from rich.table import Table
 
 from fluentboard_modules.progress import FrameProgress
-from fluentboard_modules.search.evaluation import (
-    Summary,
-    Trial,
-    export_trial,
-    planners_for,
-    run_experiment,
-    run_trial,
-    summarise,
-    world_of,
-)
+from fluentboard_modules.search.evaluation import World, planners_for, run_trial, world_of
+from fluentboard_modules.search.figure_of_planners import draw_figure_5_9
+from fluentboard_modules.search.kept_trials import KeptTrial, TrialFolder, export_trial, kept
+from fluentboard_modules.search.planners import Planner
+from fluentboard_modules.search.summaries import Summary, summarise
 from fluentboard_modules.simulation.scene_json import load_scene
 from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
 
-_TITLES = {
+TITLES = {
     "offline": "one plan, full map",
     "known": "planning again after every look, full map",
     "unknown": "planning again after every look, walls only",
 }
 
 
-def evaluate_search(
-    experiments: Sequence[str],
-    *,
-    scene: Path | None = None,
-    trials: int = 20,
-    seed: int = 0,
-    looks_on_the_way: bool = True,
-    export: Path | None = None,
-    output: Path | None = None,
-) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class EvaluationOptions:
+    """What to run.
+
+    Attributes:
+        scene: a scene with search volumes; our own two rooms if not given.
+        trials: random starts of each experiment.
+        seed: of starts and views.
+        looks_on_the_way: whether the robot also looks while it drives.
+        whole_grid: all settings of branch and bound, not only that of the original software.
+        export: write every offline trial there.
+        keep: keep the results of every trial there, and do not run again what is there.
+        output: write the numbers there as JSON.
+        picture: draw Figure 5.9 there.
+    """
+
+    scene: Path | None = None
+    trials: int = 20
+    seed: int = 0
+    looks_on_the_way: bool = False
+    whole_grid: bool = True
+    export: Path | None = None
+    keep: Path | None = None
+    output: Path | None = None
+    picture: Path | None = None
+
+
+def evaluate_search(experiments: Sequence[str], options: EvaluationOptions) -> dict[str, Any]:
     """Runs the experiments of Section 5.3 and prints their tables.
 
     Args:
         experiments: any of `offline`, `known`, `unknown`.
-        scene: a scene with search volumes; our own room if not given.
-        trials: random starts of each.
-        seed: of starts and views.
-        looks_on_the_way: whether the robot also looks while it drives.
-        export: write every offline trial there.
-        output: write the numbers there as JSON.
+        options: where, how often, and what to write.
 
     Returns:
-        What `output` gets.
+        What `options.output` gets.
     """
-    world = world_of(
-        load_scene(scene) if scene else hidden_pepper_mill(0).scene,
-        looks_on_the_way=looks_on_the_way,
-    )
+    scene = load_scene(options.scene) if options.scene else hidden_pepper_mill(0, rooms=2).scene
+    world = world_of(scene, looks_on_the_way=options.looks_on_the_way)
     console = Console(highlight=False)
-    results: dict[str, Any] = {
-        "trials": trials,
-        "seed": seed,
-        "looks_on_the_way": looks_on_the_way,
-        "experiments": {},
-    }
-    everything: list[Trial] = []
+    tables: dict[str, list[Summary]] = {}
+    everything: list[KeptTrial] = []
     for experiment in experiments:
-        planners = planners_for(experiment)
-        # Compiles what is timed.
-        run_trial(world, "offline", 0, seed + 1_000, planners[:2] + planners[-1:])
+        planners = planners_for(experiment, options.whole_grid)
         with FrameProgress() as progress:
-            progress.begin(_TITLES[experiment], trials)
-            done: list[Trial] = []
-
-            def told(trial: Trial, done: list[Trial] = done) -> None:
+            progress.begin(TITLES[experiment], options.trials)
+            done: list[KeptTrial] = []
+            for trial in _trials(world, experiment, planners, options):
                 done.append(trial)
-                progress.advance(f"greedy {sum(trial.expected_s['greedy']):.0f} s")
-                if export is not None:
-                    export_trial(trial, export)
-
-            run_experiment(world, experiment, trials, seed, planners, told)
-        rows = summarise(done, [planner.name for planner in planners])
-        results["experiments"][experiment] = [asdict(row) for row in rows]
-        if experiment == "offline":
-            gaps = [trial.plans["local search"].gap for trial in done]
-            results["gap"] = statistics.mean(gaps)
+                progress.advance(f"greedy {trial.results['greedy'].total_s:.0f} s")
+        tables[experiment] = summarise(done, [planner.name for planner in planners])
         everything += done
-        console.print(_figure_5_9(experiment, rows))
-    results["table_5_1"] = {
+        console.print(_figure_5_9(experiment, tables[experiment]))
+    run_times = {
         "views_s": statistics.mean(t.sampling_s for t in everything),
-        "times_s": statistics.mean(t.times_s for t in everything),
         "views_sd_s": _deviation([t.sampling_s for t in everything]),
+        "times_s": statistics.mean(t.times_s for t in everything),
         "times_sd_s": _deviation([t.times_s for t in everything]),
     }
-    console.print(_table_5_1(results["table_5_1"]))
-    if output is not None:
-        output.write_text(
-            json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+    console.print(_table_5_1(run_times))
+    results = {
+        "scene": options.scene.name if options.scene else "two rooms of the simulator",
+        "trials": options.trials,
+        "seed": options.seed,
+        "looks_on_the_way": options.looks_on_the_way,
+        "experiments": {name: [asdict(r) for r in rows] for name, rows in tables.items()},
+        "table_5_1": run_times,
+    }
+    if options.output is not None:
+        text = json.dumps(results, indent=1, ensure_ascii=False) + "\n"
+        options.output.write_text(text, encoding="utf-8")
+    if options.picture is not None:
+        draw_figure_5_9(tables, options.picture)
     return results
+
+
+def _trials(
+    world: World, experiment: str, planners: Sequence[Planner], options: EvaluationOptions
+) -> Iterator[KeptTrial]:
+    """All trials of an experiment, those from the folder as far as they are there."""
+    scene = options.scene.read_text(encoding="utf-8") if options.scene else "two rooms"
+    setting = (scene, str(options.seed), str(options.looks_on_the_way), repr(world.config))
+    folder = TrialFolder(options.keep, setting) if options.keep else None
+    is_warm = False
+    for number in range(options.trials):
+        before = folder.read(experiment, number) if folder else None
+        results = dict(before.results) if before else {}
+        missing = [planner for planner in planners if planner.name not in results]
+        exports = experiment == "offline" and options.export is not None
+        if before is not None and not missing and not exports:
+            yield before
+            continue
+        if not is_warm:
+            # Compiles what is timed.
+            run_trial(world, "offline", 0, options.seed + 1_000, _one_of_each(planners))
+            is_warm = True
+        chosen = planners if exports else missing
+        trial = run_trial(world, experiment, number, options.seed, chosen)
+        if options.export is not None:
+            export_trial(trial, options.export)
+        results.update(trial.results)
+        trial.results = results
+        yield kept(trial)
+        if folder is not None:
+            folder.write(experiment, kept(trial))
+
+
+def _one_of_each(planners: Sequence[Planner]) -> list[Planner]:
+    return list({type(planner): planner for planner in planners}.values())
 
 
 def _deviation(values: Sequence[float]) -> float:
@@ -121,21 +155,35 @@ def _table(title: str) -> Table:
 
 
 def _figure_5_9(experiment: str, rows: Sequence[Summary]) -> Table:
-    """Greedy, the best setting of the thesis's planner, and ours, in the order of Figure 5.9."""
-    table = _table(f"{experiment}: {_TITLES[experiment]}")
+    """Greedy, the settings of the thesis's planner from the best on, and ours."""
+    table = _table(f"{experiment}: {TITLES[experiment]}")
     table.add_column("planner")
-    for name in ("E[T] moving", "E[T] with planning", "against greedy"):
+    for name in (
+        "trials",
+        "E[T] moving",
+        "E[T] with planning",
+        "against greedy",
+        "at equal end",
+        "looks",
+        "gap",
+    ):
         table.add_column(name, justify="right")
     bounded = sorted((r for r in rows if r.planner.startswith("b&b")), key=lambda r: r.total_s)
     others = [r for r in rows if not r.planner.startswith("b&b")]
     for row in (others[0], *bounded, *others[1:]):
         table.add_row(
             row.planner,
+            str(row.trials),
             f"{row.moving_s:.1f} s",
             f"{row.total_s:.1f} ± {row.interval_s:.1f} s",
             ""
             if row.planner == "greedy"
             else f"{100 * row.against_greedy:+.1f} ± {100 * row.against_interval:.1f} %",
+            ""
+            if row.planner == "greedy"
+            else f"{100 * row.at_equal_end:+.1f} ± {100 * row.equal_end_interval:.1f} %",
+            f"{row.looks:.1f}",
+            f"{row.gap:.2f}",
         )
     return table
 

@@ -4,8 +4,8 @@ E[T] is the integral of e^-W over time until W, the accumulated gain, reaches `n
 at a time from above bounds E[T] from below. By time t a plan has taken views whose ways cost at
 most t, one way into each, and none that lies farther than t from the start. The most that such
 views can gain is a weighted maximum coverage with a budget; its linear relaxation bounds it, and
-so does every solution of the relaxation's dual: a rate lambda (gain per second) and a price per cell
-give, for all t at once,
+so does every solution of the relaxation's dual: a rate lambda (gain per second) and a price per
+cell give, for all t at once,
 
     W(t) <= lambda t + sum over cells in reach by t of max(0, w_c - price_c)
                      + sum over views in reach by t of max(0, price(v) - lambda cost_v).
@@ -147,9 +147,7 @@ def _coverage(problem: PlanningProblem) -> _Coverage | None:
     ptr = np.concatenate([[0], np.cumsum(np.bincount(view[kept], minlength=len(chosen)))])
     cell_ready = np.full(len(one_of), np.inf)
     np.minimum.at(cell_ready, members, ready[chosen][view[kept]])
-    return _Coverage(
-        ptr.astype(np.int64), members, summed, costs, ready[chosen], cell_ready, delay
-    )
+    return _Coverage(ptr.astype(np.int64), members, summed, costs, ready[chosen], cell_ready, delay)
 
 
 def _earliest(times: FloatArray) -> FloatArray:

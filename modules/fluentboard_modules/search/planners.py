@@ -121,7 +121,7 @@ class IteratedLocalSearch:
 def bounded(problem: PlanningProblem, plan: Plan) -> Plan:
     """The plan with a lower bound of what any plan takes, if it is complete.
 
-    Apart from planning, as it takes longer than some planners do and the robot need not wait for it.
+    Apart from planning: it takes longer than some planners do, and the robot need not wait for it.
     """
     if not plan.is_complete or plan.lower_bound_s >= plan.expected_time_s:
         return plan
@@ -193,4 +193,3 @@ def _room(problem: PlanningProblem, views: tuple[int, ...]) -> tuple[NDArray[np.
     plan = np.zeros(problem.view_count + 2, np.int64)
     plan[: len(views)] = views
     return plan, len(views)
-

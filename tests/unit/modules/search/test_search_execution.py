@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from fluentboard.errors import UnreachableView
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
-from fluentboard_modules.search.evaluation import (
-    export_trial,
-    half_interval,
-    run_trial,
-    summarise,
-    world_of,
-)
 from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
-from fluentboard_modules.search.planners import Greedy, IteratedLocalSearch
-from fluentboard_modules.search.planning import PlanningProblem, carry_out
 from fluentboard_modules.search.record import Moment, SearchRecord, SearchStep
 from fluentboard_modules.search.region import SearchVolume, region_of
 from fluentboard_modules.simulation.robots import PR2, View
@@ -132,29 +120,3 @@ def test_the_expected_time_weighs_each_second_with_the_chance_to_need_it() -> No
     record.moments += [Moment(10.0, 1.0, 0.5), Moment(20.0, 1.0, 0.5), Moment(30.0, 2.0, 0.75)]
     assert record.expected_time_s(False) == pytest.approx(10.0 + 5.0 + 5.0)
     assert record.expected_time_s() == pytest.approx(10.0 + 5.0 + 5.0 + 1.0 + 0.5)
-
-
-def test_exported_trials_can_be_planned_anew(room: SearchScene, tmp_path: Path) -> None:
-    world = world_of(room.scene)
-    planners = [Greedy(), IteratedLocalSearch(PlannerConfig(rounds_max=2))]
-    trial = run_trial(world, "offline", 3, 0, planners)
-    export_trial(trial, tmp_path)
-    with np.load(tmp_path / "instance-03.npz") as stored:
-        times = stored["T"]
-        assert times.shape == (len(stored["view_ptr"]),) * 2
-        assert np.allclose(times[1:, 1:], times[1:, 1:].T)
-        problem = PlanningProblem(
-            stored["cell_p"],
-            stored["view_ptr"],
-            stored["view_cells"],
-            times,
-            float(stored["omega"]),
-        )
-    plans = json.loads((tmp_path / "plans-03.json").read_text())
-    for plan in plans.values():
-        again = carry_out(problem, plan["views"])
-        assert again.expected_time_s == pytest.approx(plan["expected_time_s"])
-    assert plans["local search"]["expected_time_s"] <= plans["greedy"]["expected_time_s"]
-    rows = summarise([trial], [p.name for p in planners])
-    assert rows[0].against_greedy == pytest.approx(0.0)
-    assert half_interval(np.array([1.0, 2.0, 3.0])) == pytest.approx(2.484, abs=1e-3)
