@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Literal, Protocol, cast
+from typing import IO, Literal, NamedTuple, Protocol, cast
 
 import pyoxigraph as ox
 
@@ -65,8 +64,7 @@ UNION_GRAPH = "urn:x-arq:UnionGraph"
 """Stands for all named graphs together, likewise."""
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(NamedTuple):
     """A query as the SPARQL protocol has it.
 
     Attributes:
@@ -93,8 +91,7 @@ class Question:
         return self.at is None and self.as_of is None and not mentions_functions(self.text)
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+class Result(NamedTuple):
     """A whole result.
 
     Attributes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -18,7 +19,7 @@ from fluentboard.api.changes import ChangeRoutes
 from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.edge import Edge
 from fluentboard.api.evaluation import Evaluator
-from fluentboard.api.exchange import Receive, Scope, Send
+from fluentboard.api.exchange import Receive, Reply, Scope, Send
 from fluentboard.api.fluents import FluentRoutes
 from fluentboard.api.frames import FrameRoutes
 from fluentboard.api.graph_store import GraphStoreRoutes
@@ -73,6 +74,7 @@ class BoardApp(FastAPI):
         frames: FrameRoutes,
         changes: ChangeRoutes,
         sepa: SepaRoutes,
+        sparql: SparqlRoutes,
         **options: Any,
     ) -> None:
         super().__init__(
@@ -89,6 +91,7 @@ class BoardApp(FastAPI):
         self.frames = frames
         self.changes = changes
         self.sepa = sepa
+        self._sparql = sparql
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)
         self._is_open = guard.is_open
@@ -113,6 +116,23 @@ class BoardApp(FastAPI):
             await self._edge.serve(scope, receive, send, path)
         else:
             await super().__call__(scope, receive, send)
+
+    def at_once(self, query_string: bytes, headers: dict[bytes, bytes]) -> Reply | None:
+        """The reply to `GET /sparql` if it takes no waiting, and nothing is wrong with it.
+
+        Args:
+            query_string: of the request, still encoded.
+            headers: by lower-case name.
+        """
+        began = time.perf_counter()
+        try:
+            self.guard.admit(headers, "read", changes=False)
+            reply = self._sparql.at_once(query_string, headers)
+        except FluentboardError:
+            return None  # the usual way tells what is wrong
+        if reply is not None:
+            self.metrics.record("query", reply.status, time.perf_counter() - began)
+        return reply
 
     def _is_known_to_others(self, scope: Scope) -> bool:
         """FastAPI has a route for the path, if only for another method."""
@@ -163,8 +183,9 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     system = SystemRoutes(blackboard)
     graph_store = GraphStoreRoutes(blackboard, evaluator, updater, settings.limits)
     rdf4j = Rdf4jRoutes(blackboard, evaluator, updater, graph_store, settings.limits)
+    sparql = SparqlRoutes(blackboard, evaluator, updater, settings.limits)
     operations = [
-        *SparqlRoutes(blackboard, evaluator, updater, settings.limits).operations(),
+        *sparql.operations(),
         *graph_store.operations(),
         *rdf4j.operations(),
         *FluentRoutes(blackboard, settings.limits).operations(),
@@ -208,7 +229,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         updater.close()
         evaluator.close()
 
-    app = BoardApp(operations, guard, metrics, live, frames, changes, sepa, lifespan=lifespan)
+    app = BoardApp(operations, guard, metrics, live, frames, changes, sepa, sparql, lifespan=lifespan)
     app.add_exception_handler(HTTPException, _http_problem)
     app.add_exception_handler(Exception, _unforeseen_problem)
     return app

@@ -1,8 +1,8 @@
 """Evaluation: one query in, its serialised result out, within the limits of the service.
 
 Everything that answers SPARQL calls `Evaluator.evaluate`. A query that surely takes no longer than
-its result is long is evaluated at once; every other one in a reader, a process of its own that is
-killed when the time is over. A board in memory has no readers: there a query that runs over its
+its result is long, or that was asked before, is answered at once; every other one in a reader, a
+process of its own that is killed when the time is over. A board in memory has no readers: there a query that runs over its
 time is abandoned, and occupies its thread until it next produces a result.
 """
 
@@ -16,16 +16,16 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from fluentboard.api.answering import Question, Result, answer
+from fluentboard.api.answering import Question, Result, answer, written
 from fluentboard.api.federation import check_services
-from fluentboard.api.point_queries import is_point_query
+from fluentboard.api.point_queries import PointQuery, point_query
 from fluentboard.api.query_threads import QueryThreads
 from fluentboard.api.readers.pool import ReaderPool
 from fluentboard.api.result_cache import Cached, Key, ResultCache
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
 from fluentboard.config import LimitSettings
-from fluentboard.errors import QueryTimeout, TooLarge
+from fluentboard.errors import InvalidQuery, NotAcceptable, QueryTimeout, TooLarge
 
 _Outcome = TypeVar("_Outcome")
 
@@ -55,6 +55,7 @@ class Evaluator:
         readers_folder: Path | None = None,
     ) -> None:
         can_follow = readers_folder is not None and board.can_be_followed
+        self._is_embedded = board.is_embedded
         self._readers = (
             ReaderPool(board, readers_folder, limits) if can_follow and readers_folder else None
         )
@@ -96,27 +97,55 @@ class Evaluator:
             QueryTimeout: it took too long.
             TooLarge: its result is too long.
         """
-        commit = self._board.commit
-        key = Key(question.text, question.accept, question.default_graphs, question.named_graphs)
-        is_plain = question.at is None and question.as_of is None
-        known = self._cache.get(commit, key) if is_plain else None
+        if question.at is not None or question.as_of is not None:
+            return await self._evaluated(question)
+        known = self.at_once(question)
+        if known is not None:
+            return known
+        result = await self._evaluated(question)
+        if result.text is not None and result.is_exact and question.is_timeless:
+            answered = Cached(result.media_type, result.text)
+            self._cache.put(result.commit, _key(question), answered)
+        return result
+
+    def at_once(self, question: Question) -> Result | None:
+        """The result of a query over all of history, if it costs no more than to wait for one.
+
+        That is so if it was asked before and nothing has changed, or if it is a point query with a
+        short result. None says nothing about the query: `evaluate` it.
+        """
+        commit, key = self._board.commit, _key(question)
+        known = self._cache.get(commit, key)
         if known is not None:
             return Result(known.media_type, known.text, None, len(known.text), commit)
         # A query waits until the RDF store has all that was committed; the event loop must not.
-        is_current = is_plain and self._applied >= commit
-        result = await self._evaluated(question, is_current=is_current)
-        if is_plain and result.text is not None and result.is_exact and question.is_timeless:
-            self._cache.put(result.commit, key, Cached(result.media_type, result.text))
+        if self._applied < commit or question.default_graphs or question.named_graphs:
+            return None
+        kind = point_query(question.text) if self._is_embedded else None
+        if kind is None:
+            return None
+        try:
+            result = self._pointed(question, has_prefixes=kind is PointQuery.PREFIXED)
+        except (InvalidQuery, NotAcceptable, TooLarge):
+            return None
+        if result.text is not None and result.is_exact:
+            answered = Cached(result.media_type, result.text)
+            self._cache.put(result.commit, key, answered, may_change=False)
         return result
 
-    async def _evaluated(self, question: Question, *, is_current: bool) -> Result:
-        if is_point_query(question.text):
-            if not is_current:
-                return await self._in_thread(question)
-            try:
-                return answer(self._board, question, self._inline_limits, self._never)
-            except TooLarge:
-                pass  # more than a few kilobytes after all: the usual way decides
+    def _pointed(self, question: Question, *, has_prefixes: bool) -> Result:
+        timed = self._board.point_query(question.text, has_prefixes=has_prefixes)
+        media_type, sink = written(
+            timed.results, question.accept, self._inline_limits, self._never
+        )
+        return Result(
+            media_type, sink.text, sink.file, sink.size, timed.commit, is_exact=timed.is_exact
+        )
+
+    async def _evaluated(self, question: Question) -> Result:
+        if self._is_embedded and self._applied < self._board.commit and point_query(question.text):
+            # Handing it to a reader would cost more than it does.
+            return await self._in_thread(question)
         check_services(question.text, self._service_endpoints)
         if self._readers is None:
             return await self._in_thread(question)
@@ -173,7 +202,7 @@ class Evaluator:
         """
         if self._readers is None:
             return
-        result = await self._evaluated(question, is_current=False)
+        result = await self._evaluated(question)
         if result.file is not None:
             result.file.close()
 
@@ -192,3 +221,7 @@ class Evaluator:
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called in another thread when the RDF store has applied commits."""
         self._applied = commits[-1].number
+
+
+def _key(question: Question) -> Key:
+    return Key(question.text, question.accept, question.default_graphs, question.named_graphs)

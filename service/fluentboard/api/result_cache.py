@@ -64,12 +64,19 @@ class ResultCache:
         """The answer as of the commit, if it is known."""
         return self._entries.get(key) if commit == self._commit else None
 
-    def put(self, commit: int, key: Key, answer: Cached) -> None:
-        """Keeps an answer that is exact at the commit, if it may be given again."""
+    def put(self, commit: int, key: Key, answer: Cached, *, may_change: bool = True) -> None:
+        """Keeps an answer that is exact at the commit, if it may be given again.
+
+        Args:
+            commit: the commit.
+            key: what was asked.
+            answer: to keep.
+            may_change: the query may have what gives another answer although nothing changed.
+        """
         size = len(answer.text) + 2 * len(key.text) + _ENTRY_OVERHEAD_BYTES
         if len(answer.text) > _LONGEST_ENTRY_BYTES or size > self._size_max_bytes:
             return
-        if commit < self._commit or _is_volatile(key.text):
+        if commit < self._commit or (may_change and _is_volatile(key.text)):
             return
         if commit > self._commit:
             self._forget()

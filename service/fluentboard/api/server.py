@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import uvicorn
 
 from fluentboard.api.app import BoardApp, create_app
+from fluentboard.api.at_once import AtOnceProtocol
 from fluentboard.api.security import check_exposure
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.endpoint import Endpoint
@@ -164,7 +165,7 @@ class Server(uvicorn.Server):
             uvicorn.Config(
                 app,
                 loop="auto",
-                http="auto",
+                http=AtOnceProtocol,
                 ws="auto",
                 ws_max_size=live.message_max_bytes,
                 ws_ping_interval=live.heartbeat_s,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from urllib.parse import quote
 
 import pyoxigraph as ox
@@ -89,6 +90,32 @@ class SparqlRoutes:
         if "query" not in values:
             return self._description(call)
         return await self._answer(call, values)
+
+    def at_once(self, query_string: bytes, headers: Mapping[bytes, bytes]) -> Reply | None:
+        """The reply to `GET /sparql`, if it takes no waiting; None also if something is wrong.
+
+        Args:
+            query_string: of the request, still encoded.
+            headers: by lower-case name.
+        """
+        try:
+            values = form_values(query_string, "the query string")
+        except InvalidInput:
+            return None
+        texts = values.get("query", ())
+        if len(values) != 1 or len(texts) != 1 or _RELATIVE_IRI.search(texts[0]):
+            return None
+        accept = headers.get(b"accept")
+        question = Question(texts[0], None if accept is None else accept.decode("latin-1"))
+        result = self._evaluator.at_once(question)
+        if result is None or result.text is None:
+            return None
+        return Reply(
+            result.text,
+            content_type(result.media_type),
+            200,
+            [_VARY, commit_header(result.commit)],
+        )
 
     async def post(self, call: Call) -> Reply | StreamedReply:
         """`POST /sparql`: a query or an update, as a form or as the body itself."""

@@ -182,7 +182,7 @@ class EmbeddedStore(RdfStore):
             sparql: SPARQL 1.1 text; well-known prefixes need no declaration.
             default_graphs: merged into the default graph; by default the store's own.
             named_graphs: what `GRAPH` sees; by default all but the board's own notes.
-            extra: passed to Oxigraph (substitutions, custom_functions).
+            extra: passed to `ask` and Oxigraph (known, custom_functions).
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from fluentboard.api.point_queries import is_point_query
+from fluentboard.api.point_queries import point_query
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from fluentboard.api.point_queries import is_point_query
     ],
 )
 def test_patterns_about_one_constant_subject_are_point_queries(query: str) -> None:
-    assert is_point_query(query)
+    assert point_query(query) is not None
 
 
 @pytest.mark.parametrize(
@@ -46,4 +46,4 @@ def test_patterns_about_one_constant_subject_are_point_queries(query: str) -> No
     ],
 )
 def test_everything_else_takes_the_usual_way(query: str) -> None:
-    assert not is_point_query(query)
+    assert point_query(query) is None
