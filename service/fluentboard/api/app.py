@@ -63,6 +63,7 @@ class BoardApp(FastAPI):
         frames: requests that wait for a frame, likewise.
         changes: feeds that wait for commits, likewise.
         sepa: the WebSockets that speak SEPA's dialect; `live` holds them.
+        sparql: queries, some of which the server answers without a call of the app.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class BoardApp(FastAPI):
         self.frames = frames
         self.changes = changes
         self.sepa = sepa
-        self._sparql = sparql
+        self.sparql = sparql
         self._router = Router(operations)
         self._edge = Edge(self._router, guard, metrics)
         self._is_open = guard.is_open
@@ -127,7 +128,7 @@ class BoardApp(FastAPI):
         began = time.perf_counter()
         try:
             self.guard.admit(headers, "read", changes=False)
-            reply = self._sparql.at_once(query_string, headers)
+            reply = self.sparql.at_once(query_string, headers)
         except FluentboardError:
             return None  # the usual way tells what is wrong
         if reply is not None:
@@ -229,7 +230,9 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
         updater.close()
         evaluator.close()
 
-    app = BoardApp(operations, guard, metrics, live, frames, changes, sepa, sparql, lifespan=lifespan)
+    app = BoardApp(
+        operations, guard, metrics, live, frames, changes, sepa, sparql, lifespan=lifespan
+    )
     app.add_exception_handler(HTTPException, _http_problem)
     app.add_exception_handler(Exception, _unforeseen_problem)
     return app

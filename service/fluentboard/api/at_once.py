@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, Protocol, cast
 
 from uvicorn.config import Config
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from fluentboard.api.exchange import Reply
@@ -74,10 +74,12 @@ class AtOnceProtocol(HttpToolsProtocol):
         self.on_response_complete()
 
     def _answered(self) -> Reply | None:
-        is_busy = self.cycle is not None and not self.cycle.response_complete
+        cycle = cast("RequestResponseCycle | None", self.cycle)
+        is_busy = cycle is not None and not cycle.response_complete
         if is_busy or self.access_log or self.root_path or self.flow.write_paused:
             return None
         parser = self.parser
+        assert parser is not None, "a connection that is lost receives nothing"
         if parser.get_method() != b"GET" or parser.get_http_version() != "1.1":
             return None
         headers = dict(self.headers)

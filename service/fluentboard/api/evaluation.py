@@ -2,8 +2,8 @@
 
 Everything that answers SPARQL calls `Evaluator.evaluate`. A query that surely takes no longer than
 its result is long, or that was asked before, is answered at once; every other one in a reader, a
-process of its own that is killed when the time is over. A board in memory has no readers: there a query that runs over its
-time is abandoned, and occupies its thread until it next produces a result.
+process of its own that is killed when the time is over. A board in memory has no readers: there a
+query that runs over its time is abandoned, and occupies its thread until it next produces a result.
 """
 
 from __future__ import annotations
@@ -135,9 +135,7 @@ class Evaluator:
 
     def _pointed(self, question: Question, *, has_prefixes: bool) -> Result:
         timed = self._board.point_query(question.text, has_prefixes=has_prefixes)
-        media_type, sink = written(
-            timed.results, question.accept, self._inline_limits, self._never
-        )
+        media_type, sink = written(timed.results, question.accept, self._inline_limits, self._never)
         return Result(
             media_type, sink.text, sink.file, sink.size, timed.commit, is_exact=timed.is_exact
         )

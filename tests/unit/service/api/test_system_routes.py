@@ -162,7 +162,14 @@ def test_a_failure_nobody_foresaw_tells_nothing_but_where_to_look(
     app = create_app(board, Settings())
     operations = [*app.operations, Operation("GET", "/fail", fail, "fail", "Fails")]
     failing = BoardApp(
-        operations, app.guard, app.metrics, app.live, app.frames, app.changes, app.sepa
+        operations,
+        app.guard,
+        app.metrics,
+        app.live,
+        app.frames,
+        app.changes,
+        app.sepa,
+        app.sparql,
     )
     reply = client_of(failing).get("/fail")
 
