@@ -92,6 +92,7 @@ class ObjectSearch:
         self._previous: tuple[View, ...] = ()
         self._misses = np.zeros(len(region.cells), np.int64)
         self._at_first = region.unknown(occupancy)
+        region.recall = config.recall
         self._last_frame_s: float | None = None
         self.record = SearchRecord(robot.view)
         self.elsewhere: NDArray[np.bool_] = np.zeros(len(region.cells), np.bool_)
@@ -196,8 +197,8 @@ class ObjectSearch:
         model = self._robot.model
         visible = VisibleCells(self._region, self._occupancy, model, self._config.sampling)
         if self._occlusion_is_known and self._cells:
-            unknown = self._region.unknown(self._occupancy)
-            self._cells = [cells[unknown[cells]] for cells in self._cells]
+            wanted = self._region.wanted(self._occupancy)
+            self._cells = [cells[wanted[cells]] for cells in self._cells]
         else:
             self._cells = [visible.of(view) for view in self._views]
         self._keep(np.array([len(cells) > 0 for cells in self._cells], np.bool_))
@@ -330,14 +331,24 @@ class ObjectSearch:
         if half_life is not None and last is not None:
             self._occupancy.fade(frame.stamp_s - last, half_life)
         self._last_frame_s = frame.stamp_s
-        self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
+        if self._region.recall < 1.0:
+            before = self._region.unknown(self._occupancy)
+            self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
+            looked_at = before & ~self._region.unknown(self._occupancy)
+            looked_at[self.cells_seen_from(frame.T_map_sensor)] = True
+            self._region.looks += looked_at
+        else:
+            self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
         if self.on_frame is not None:
             self.on_frame(frame)
 
     def _note(self, elapsed_s: float, planning_s: float) -> None:
         seen = self._at_first & ~(self._occupancy.states(self._region.cells) == -1)
         before = self.record.moments[-1]
-        probability = 1.0 - float(np.exp(np.log1p(-self._region.prior[seen]).sum()))
+        found = self._region.prior[seen]
+        if self._region.recall < 1.0:
+            found = found * (1.0 - (1.0 - self._region.recall) ** self._region.looks[seen])
+        probability = 1.0 - float(np.exp(np.log1p(-found).sum()))
         self.record.moments.append(
             Moment(before.elapsed_s + elapsed_s, before.planning_s + planning_s, probability)
         )

@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.search import plan_kernels as kernels
-
-_LAYERS_MAX = 4
-"""Looks at one cell that still count with an imperfect detector."""
+from fluentboard_modules.search.region import LOOKS_MAX
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +184,7 @@ def layer_weights(cell_p: FloatArray, recall: float) -> FloatArray:
         cell_p: `(n,)`; p(c_k).
         recall: probability that the object is recognised in a look that shows it.
     """
-    weights = np.zeros((1 if recall == 1.0 else _LAYERS_MAX, len(cell_p)))
+    weights = np.zeros((1 if recall == 1.0 else LOOKS_MAX, len(cell_p)))
     missed = np.ones(len(cell_p))  # probability that a cell with a target shows nothing so far
     before = np.zeros(len(cell_p))
     for layer in weights:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ class SearchVolume:
             )
 
 
+LOOKS_MAX = 4
+"""Looks at one cell that count with an imperfect detector; what they all miss is given up."""
+
 _CERTAIN = 1.0 - 1e-9
 """P_i = 1 would make every further thought worthless: ln 0. This is as good as certain."""
 
@@ -54,6 +57,8 @@ class Region:
             that at least one of them is right.
         members: per volume the numbers of its cells.
         excluded: `(n,)`; cells given up: too small a gap, or never revealed as promised.
+        recall: probability that a look recognises an object that it shows.
+        looks: `(n,)`; in how many looks each cell has been; counted for an imperfect detector only.
     """
 
     volumes: tuple[SearchVolume, ...]
@@ -61,17 +66,39 @@ class Region:
     prior: FloatArray
     members: tuple[NDArray[np.int64], ...]
     excluded: NDArray[np.bool_]
+    recall: float = 1.0
+    looks: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        if len(self.looks) != len(self.cells):
+            self.looks = np.zeros(len(self.cells), np.int64)
 
     def unknown(self, occupancy: OccupancyMap) -> NDArray[np.bool_]:
         """`(n,)`; which cells are unknown and not given up."""
         return (occupancy.states(self.cells) == UNKNOWN) & ~self.excluded
 
+    def wanted(self, occupancy: OccupancyMap) -> NDArray[np.bool_]:
+        """`(n,)`; which cells are worth a look: unknown, or looked at by a detector that misses."""
+        unknown = self.unknown(occupancy)
+        if self.recall == 1.0:
+            return unknown
+        again = (self.looks > 0) & (self.looks < LOOKS_MAX) & ~self.excluded
+        return unknown | again
+
     def probability(self, occupancy: OccupancyMap) -> FloatArray:
-        """`(n,)`; p(c_k) now: the prior where a cell is unknown, else 0 (Eq. 5.1)."""
-        return np.where(self.unknown(occupancy), self.prior, 0.0)
+        """`(n,)`; p(c_k) now: the prior where a cell is unknown, else 0 (Eq. 5.1).
+
+        With an imperfect detector what has been looked at in vain keeps p q^m / (1 - p + p q^m)
+        after m looks, q being the probability to miss.
+        """
+        belief = self.prior
+        if self.recall < 1.0:
+            missed = self.prior * (1.0 - self.recall) ** self.looks
+            belief = missed / (1.0 - self.prior + missed)
+        return np.where(self.wanted(occupancy), belief, 0.0)
 
     def remaining_probability(self, occupancy: OccupancyMap) -> float:
-        """The probability that the object is in what is still unknown."""
+        """The probability that the object is in what is still worth a look."""
         return 1.0 - float(np.exp(np.log1p(-self.probability(occupancy)).sum()))
 
     def centre(self, occupancy: OccupancyMap) -> FloatArray:

@@ -258,13 +258,13 @@ def reveal(
                 if b >= 0:
                     c = cell_in_block(x, y, z)
                     value = log_odds[b, c]
-                    if value >= 0.0:
-                        break
                     number = numbers[b, c]
                     if number >= 0 and travelled >= range_min and stamp[number] != mark:
                         stamp[number] = mark
                         out[count] = number
                         count += 1
+                    if value >= 0.0:
+                        break
                     if value != value:
                         passed += 1
                 else:

@@ -82,7 +82,7 @@ class VisibleCells:
         self._unknown_max = (
             _TRANSPARENT if prior <= 0.0 else math.floor(math.log(0.5) / math.log1p(-prior))
         )
-        wanted = np.flatnonzero(region.unknown(occupancy)).astype(np.int32)
+        wanted = np.flatnonzero(region.wanted(occupancy)).astype(np.int32)
         blocks = len(occupancy.log_odds)
         self._numbers = np.full((blocks, 512), -1, np.int32)
         kernels.number_cells(
@@ -99,7 +99,7 @@ class VisibleCells:
         self._mark = 0
 
     def of(self, view: View) -> NDArray[np.int64]:
-        """Numbers of the unknown cells that a view would reveal, in rising order."""
+        """Numbers of the cells worth a look that a view would show, in rising order."""
         return self.of_pose(self._model.T_map_sensor(view))
 
     def of_pose(self, T_map_sensor: Transform) -> NDArray[np.int64]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fluentboard.errors import UnreachableView
+from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
 from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
@@ -120,3 +123,74 @@ def test_the_expected_time_weighs_each_second_with_the_chance_to_need_it() -> No
     record.moments += [Moment(10.0, 1.0, 0.5), Moment(20.0, 1.0, 0.5), Moment(30.0, 2.0, 0.75)]
     assert record.expected_time_s(False) == pytest.approx(10.0 + 5.0 + 5.0)
     assert record.expected_time_s() == pytest.approx(10.0 + 5.0 + 5.0 + 1.0 + 0.5)
+
+
+def test_a_detector_that_misses_gets_a_second_look(room: SearchScene) -> None:
+    sure = search_in(room)
+    unsure = search_in(room, CONFIG.model_copy(update={"recall": 0.5}))
+    for search in (sure, unsure):
+        while search.step() is not None:
+            assert len(search.record.steps) < 60
+    assert len(unsure.record.steps) > len(sure.record.steps)
+    assert unsure.region.looks.max() >= 2
+    assert sure.region.looks.max() == 0
+    # Half of what the first look at a cell would have shown is still to be found there.
+    once = unsure.region.looks == 1
+    belief = unsure.region.probability(unsure.occupancy)[once & ~unsure.region.excluded]
+    prior = unsure.region.prior[once & ~unsure.region.excluded]
+    assert belief == pytest.approx(0.5 * prior / (1.0 - 0.5 * prior))
+
+
+def test_a_higher_threshold_ends_a_search_earlier(room: SearchScene) -> None:
+    patient = search_in(room)
+    hasty = search_in(room, CONFIG.model_copy(update={"threshold": 0.5}))
+    for search in (patient, hasty):
+        while search.step() is not None:
+            pass
+        assert search.record.outcome == "below-threshold"
+    assert hasty.record.duration_s < patient.record.duration_s
+    assert hasty.record.probability < patient.record.probability
+
+
+class BlindRobot(WatchfulSimulatedRobot):
+    """Its camera measures nothing."""
+
+    def sense(self) -> SensorFrame:
+        frame = super().sense()
+        return replace(frame, depth_m=np.zeros_like(frame.depth_m))
+
+    def frames_on_the_way(self) -> tuple[tuple[float, SensorFrame], ...]:
+        return ()
+
+
+def test_views_that_never_keep_their_promise_are_blacklisted(room: SearchScene) -> None:
+    robot = BlindRobot(PR2, room.scene, room.start, np.random.default_rng(0), image_width=80)
+    config = CONFIG.model_copy(update={"misses_max": 1, "new_views": 0})
+    search = search_in(room, config, robot)
+    while search.step() is not None:
+        assert len(search.record.steps) < 40
+    assert search.region.excluded.any()
+    assert search.record.probability == 0.0
+    promised = [step.expected_cells for step in search.record.steps]
+    assert all(promised)  # no view is taken for what it failed to show before
+    assert int(search.region.excluded.sum()) == sum(promised)
+
+
+def test_gaps_that_cannot_hold_the_object_are_not_searched(room: SearchScene) -> None:
+    search = search_in(room)
+    search.step()
+    robot = WatchfulSimulatedRobot(
+        PR2, room.scene, room.start, np.random.default_rng(0), image_width=80
+    )
+    small = ObjectSearch(
+        robot,
+        search.occupancy,
+        region_of(
+            search.occupancy, [SearchVolume(v.name, v.box, 0.2) for v in room.scene.search_volumes]
+        ),
+        robot.costmap,
+        CONFIG.model_copy(update={"object_size_m": 0.4}),
+        np.random.default_rng(1),
+    )
+    assert small.region.excluded.any()
+    assert not small.region.probability(small.occupancy)[small.region.excluded].any()
