@@ -20,6 +20,7 @@ _INSIDE_M = 0.05
 # A backrest alone or a front alone says less than a seat or a board with what belongs to it.
 _ONE_SIDE_MALUS = {"top": 0.0, "front": 15.0, "back": 10.0}
 _EXACT_BONUS = 200.0  # a CAD file that fits says more than the order of the classes
+_PER_M2 = 100.0  # and of two of them the one that explains more says more
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +58,14 @@ class Candidate:
 
     @property
     def preference(self) -> float:
-        """The class's priority, more for a CAD file that fits, less for a single upright side."""
+        """The class's priority, less for a single upright side; for a CAD file what it explains.
+
+        The larger of two models that fit explains what the smaller leaves over: a desk of two
+        boards is no table with a board beside it.
+        """
         if self.fit is None or not self.fit.is_exact:
             return self.hypothesis.priority - _ONE_SIDE_MALUS[self.geometry.main_side]
-        return self.hypothesis.priority + _EXACT_BONUS * self.fit.score
+        return _EXACT_BONUS + _PER_M2 * self.fit.score**2 * self.fit.explained_m2
 
 
 def place_candidate(
@@ -144,6 +149,7 @@ def with_verdicts(candidate: Candidate, verdicts: tuple[Verdict, ...] | None) ->
             verdict.initial_score,
             verdict.covariance,
             verdict.n_views,
+            verdict.visibility.explained / max(verdict.n_views, 1),
         )
         geometry = candidate.geometry
         if verdict.model.is_exact:

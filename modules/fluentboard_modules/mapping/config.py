@@ -26,6 +26,18 @@ class DepthNoiseConfig(_Settings):
         ge=0.0,
         description="What does not average out: lens distortion bends a 1.5 m table by 1 cm.",
     )
+    quantisation_per_m: float = Field(
+        default=0.00083,
+        ge=0.0,
+        description="Rounding of the disparity to 1/8 px (Khoshelham 2012), as a standard deviation "
+        "that grows with the square of the depth. A flat wall at 4 m is no rough one.",
+    )
+    lateral_px: float = Field(
+        default=0.8,
+        ge=0.0,
+        description="Sideways wander of a pixel at 640 columns (Nguyen 2012, Eq. 2): it shows as "
+        "depth noise where a surface is seen at a grazing angle.",
+    )
 
 
 class NormalsConfig(_Settings):
@@ -44,6 +56,12 @@ class NormalsConfig(_Settings):
     )
     residual_max_sigma: float = Field(
         default=1.8, gt=0.0, description="Windows that fit worse span an edge; 1.0 is pure noise."
+    )
+    lateral_max_sigma: float = Field(
+        default=1.25,
+        ge=0.0,
+        description="The same for the sideways wander of pixels. A window across an edge fits a "
+        "steep plane with a residual of 1.9 of these.",
     )
 
 
@@ -340,6 +358,12 @@ class VisibilityConfig(_Settings):
     )
     overrun_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
     filled_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
+    against_weight: float = Field(
+        default=1.0,
+        gt=0.0,
+        description="Of two poses, one square metre that speaks against makes up for so many that "
+        "speak for it.",
+    )
     floor_clear_m: float = Field(
         default=0.1, ge=0.0, description="The floor goes on beyond everything that stands on it."
     )

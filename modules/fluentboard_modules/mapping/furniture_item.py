@@ -41,6 +41,7 @@ class CadFit:
         initial_score: the score there.
         covariance: `(3, 3)`; of x, y (metres) and yaw (radians) of the pose; map frame.
         n_views: depth images it was compared with.
+        explained_m2: area that it explains, across the view, in the mean of the views.
     """
 
     model: str
@@ -51,6 +52,7 @@ class CadFit:
     initial_score: float
     covariance: FloatArray
     n_views: int
+    explained_m2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

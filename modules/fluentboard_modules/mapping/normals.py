@@ -47,6 +47,11 @@ def depth_tolerance_m(depth_m: Image, noise: DepthNoiseConfig) -> Image:
     return np.sqrt(depth_sigma_m(depth_m, noise) ** 2 + noise.systematic_m**2)
 
 
+def lateral_sigma_px(camera: Camera, noise: DepthNoiseConfig) -> float:
+    """Standard deviation of a pixel's sideways position, in pixels of this camera."""
+    return noise.lateral_px * camera.width / 640.0
+
+
 def fit_local_planes(
     depth_m: Image, camera: Camera, config: NormalsConfig, noise: DepthNoiseConfig
 ) -> LocalPlanes:
@@ -60,9 +65,10 @@ def fit_local_planes(
     """
     valid = depth_m > 0.0
     q = np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
-    fit = _fit_windows(q, valid, config.radius_px, config, noise)
+    lateral_px = lateral_sigma_px(camera, noise)
+    fit = _fit_windows(q, valid, config.radius_px, config, noise, lateral_px)
     if config.fine_radius_px < config.radius_px:
-        fine = _fit_windows(q, valid, config.fine_radius_px, config, noise)
+        fine = _fit_windows(q, valid, config.fine_radius_px, config, noise, lateral_px)
         use_fine = fine.is_planar & ~fit.is_planar
         for coarse_part, fine_part in (
             (fit.slope_u, fine.slope_u),
@@ -98,8 +104,12 @@ def _fit_windows(
     radius: int,
     config: NormalsConfig,
     noise: DepthNoiseConfig,
+    lateral_px: float,
 ) -> _WindowFit:
-    """Least squares q = value + slope_u du + slope_v dv over the valid pixels of each window."""
+    """Least squares q = value + slope_u du + slope_v dv over the valid pixels of each window.
+
+    A pixel that wanders sideways reads the slope as noise, so steep planes may fit less well.
+    """
     offset = np.arange(-radius, radius + 1, dtype=np.float32)
     one = np.ones_like(offset)
     square = offset * offset
@@ -132,5 +142,7 @@ def _fit_windows(
     enough &= value > 1e-3  # a kilometre: the fit has left the scene
     depth = 1.0 / np.where(enough, value, 1.0)
     expected = depth_sigma_m(depth, noise) * value * value  # sigma of q = sigma_z / z^2
-    planar = enough & (variance <= (config.residual_max_sigma * expected) ** 2)
+    limit = (config.residual_max_sigma * expected) ** 2
+    limit += (config.lateral_max_sigma * lateral_px) ** 2 * (slope_u * slope_u + slope_v * slope_v)
+    planar = enough & (variance <= limit)
     return _WindowFit(slope_u, slope_v, value, planar)

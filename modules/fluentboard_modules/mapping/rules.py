@@ -102,12 +102,11 @@ def partial_hypotheses(
     Of a chair in one image often only the seat or only the back is in sight. That is too little for
     the definition, but enough to look there with a CAD model.
     """
+    # A backrest that took part in a definition may still be that of the chair next to it.
     defined = {
-        part.plane
+        hypothesis.main_plane
         for hypothesis in classification.hypotheses
         if hypothesis.class_name == furniture.name
-        for part in hypothesis.planes
-        if part.label in (*furniture.main_planes, *furniture.back_planes)
     }
     found: list[FurnitureHypothesis] = []
     for plane, labels in enumerate(classification.labels):

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.sensor_frame import Camera
 from fluentboard_modules.mapping.config import DepthNoiseConfig, SegmentationConfig
-from fluentboard_modules.mapping.normals import LocalPlanes, depth_tolerance_m
+from fluentboard_modules.mapping.normals import LocalPlanes, depth_tolerance_m, lateral_sigma_px
 
 _NO_SEGMENT = -1
 # Each cell and its right neighbour, each cell and the one below it.
@@ -89,6 +89,10 @@ def make_cells(
     normals = -coefficients / np.maximum(length, 1e-9)
     depth = np.divide(1.0, q, out=np.ones_like(q), where=q > 0.0)
     tolerance = depth_tolerance_m(depth, noise) * q * q
+    # Of a plane seen at a grazing angle, pixels that wander sideways read another depth.
+    slope = coefficients[..., :2] / np.array([camera.fx, camera.fy], dtype=np.float32)
+    wander = np.float32(lateral_sigma_px(camera, noise)) * np.linalg.norm(slope, axis=-1)
+    tolerance = np.where(is_planar, np.hypot(tolerance, wander), tolerance)
     tolerance[q <= 0.0] = np.inf
     return Cells(
         inverse_depth=q,

@@ -144,7 +144,8 @@ def _noise_m2(
     toward = rays @ plane
     depth = 1.0 / np.maximum(toward, 1e-3)
     sigma = noise.constant_m + noise.quadratic_per_m * np.maximum(depth - noise.reference_m, 0) ** 2
-    return (sigma * np.abs(toward) / np.linalg.norm(plane)) ** 2
+    variance = sigma**2 + (noise.quantisation_per_m * depth**2) ** 2
+    return variance * (toward / np.linalg.norm(plane)) ** 2
 
 
 def _region_axes(

@@ -72,6 +72,7 @@ class _Trial:
     standing: Standing
     visibility: Visibility
     closeness: float
+    gain: float
 
 
 def verify(
@@ -120,11 +121,15 @@ def verify(
         if verdict.is_accepted and again:
             return (verdict,)
     tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
-    return max(tried, key=_goodness, default=())
+    return max(tried, key=lambda verdicts: _goodness(verdicts, config), default=())
 
 
-def _goodness(verdicts: tuple[Verdict, ...]) -> float:
-    return float(np.mean([verdict.score for verdict in verdicts])) if verdicts else -1.0
+def _goodness(verdicts: tuple[Verdict, ...], config: VerificationConfig) -> tuple[bool, float]:
+    """Models that hold come before those that do not; then what speaks for them decides."""
+    if not verdicts:
+        return False, -np.inf
+    seen = sum((verdict.visibility for verdict in verdicts), Visibility())
+    return any(verdict.is_accepted for verdict in verdicts), seen.gain(config.visibility)
 
 
 def _judge_generic(
@@ -167,15 +172,15 @@ def _try_model(
         return ()
     quick, coarse = views[:3], _coarse(config)
 
-    def closeness(row: Sequence[Standing]) -> float:
+    def gain(row: Sequence[Standing]) -> float:
         looks = (compare_with_views(model, s.transform, quick, coarse.visibility) for s in row)
-        return sum(looks, Visibility()).closeness(config.visibility)
+        return sum(looks, Visibility()).gain(config.visibility)
 
-    best = max(rows, key=closeness)
+    best = max(rows, key=gain)
     for step in _SEARCH_STEPS_M:
         shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
         shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
-        best = max(shifted, key=closeness)
+        best = max(shifted, key=gain)
     return tuple(
         _best_of(model, [standing], views, config, geometry, reach_m=0.2) for standing in best
     )
@@ -194,12 +199,10 @@ def _best_of(
     best, covariance = initial, np.diag([0.1, 0.1, 0.2]) ** 2
     if len(starts) > config.starts_max:
         quick, coarse = views[:3], _coarse(config)
-        rated = [
-            (_look(model, start, quick, coarse).closeness, -k) for k, start in enumerate(starts)
-        ]
-        rated.sort(reverse=True)
+        looks = [(_look(model, start, quick, coarse), k) for k, start in enumerate(starts)]
+        looks.sort(key=lambda look: (-look[0].gain, look[1]))
         # Nothing near is like the model: ICP would not help.
-        starts = [starts[-k] for closeness, k in rated if closeness >= _HOPELESS]
+        starts = [starts[k] for look, k in looks if look.closeness >= _HOPELESS]
     for start in starts[: config.starts_max]:
         points = _points_around(model, start, views, config)
         aligned = align(points, model, start, config.alignment)
@@ -208,7 +211,7 @@ def _best_of(
             if standing is aligned.standing and moved > reach_m:
                 continue
             trial = _look(model, standing, views, config)
-            if trial.closeness > best.closeness:
+            if trial.gain > best.gain:
                 best, covariance = trial, aligned.covariance
     if best.visibility.score(config.visibility) < _SETTLED_SCORE:
         best = _searched(model, best, views, config)
@@ -246,7 +249,7 @@ def _searched(
     for step in _SEARCH_STEPS_M:
         for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
             trial = _look(model, best.standing.moved(dx, dy, 0.0), views, config)
-            if trial.closeness > best.closeness:
+            if trial.gain > best.gain:
                 best = trial
                 break
     return best
@@ -256,7 +259,8 @@ def _look(
     model: CadModel, standing: Standing, views: Sequence[DepthView], config: VerificationConfig
 ) -> _Trial:
     visibility = compare_with_views(model, standing.transform, views, config.visibility)
-    return _Trial(standing, visibility, visibility.closeness(config.visibility))
+    closeness, gain = (f(config.visibility) for f in (visibility.closeness, visibility.gain))
+    return _Trial(standing, visibility, closeness, gain)
 
 
 def _points_around(

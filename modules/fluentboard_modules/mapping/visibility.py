@@ -25,6 +25,7 @@ from fluentboard_modules.mapping.depth_views import DepthView
 _NEAREST_M = 0.3
 _BESIDE_M = 0.01
 _RELIEF_REACH_M = 0.1
+_RELIEF_PIXELS = 20  # of edges and of openings each
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +72,16 @@ class Visibility:
         return self.explained / (self.explained + self._against(config))
 
     def closeness(self, config: VisibilityConfig) -> float:
-        """As the score, but it also grows as the surfaces come closer: to compare two poses."""
+        """As the score, but it also grows as the surfaces come closer."""
         return self.close / (self.explained + self._against(config))
+
+    def gain(self, config: VisibilityConfig) -> float:
+        """What speaks for a pose less what speaks against it, in square metres.
+
+        To compare poses: a share, such as the score, would rise as a model slides out of the image
+        or behind something, away from where it has to prove itself.
+        """
+        return self.close - config.against_weight * self._against(config)
 
     def _against(self, config: VisibilityConfig) -> float:
         return (
@@ -262,10 +271,14 @@ def front_relief_m(
     """How much deeper the openings of a model's front were measured than its edges, in metres.
 
     Books stand a few centimetres behind the edges of their boards. A wall or a door is as deep
-    where the model has an edge as where it has an opening, so this is 0 for it, however noisy.
+    where the model has an edge as where it has an opening, so this is 0 for it, however noisy; also
+    if the model is turned against the wall, for what is measured is a step on a slanted plane. It
+    is lowered by twice its standard error: what was hardly seen has no relief.
     """
     front = float(model.mesh.bounds[1, 0])
-    sums = np.zeros((2, 2))  # of edges and openings: weight, weight times depth behind the front
+    # Of the least squares: depth behind the front = offset + slopes along it + relief in openings.
+    normal_matrix, right_side = 1e-9 * np.eye(4), np.zeros(4)
+    counts = np.zeros(2)
     for view in views:
         window = _window(model, T_map_model, view, config)
         if window is None:
@@ -281,19 +294,24 @@ def front_relief_m(
         )
         hit = np.isfinite(hits.distance)
         expected_x = origin[0] + np.where(hit, hits.distance, 0.0) * directions[..., 0]
-        behind = front - (origin[0] + depth * directions[..., 0])
+        measured = origin + depth[..., None] * directions
+        behind = front - measured[..., 0]
         # What is far in front of it or far inside says nothing about its edges.
         usable = hit & (depth > 0.0) & (np.abs(behind) < _RELIEF_REACH_M)
-        is_edge = expected_x > front - 0.012
-        is_opening = expected_x < front - 0.06
-        weight = 1.0 / np.maximum(view.sigma_m[window], 1e-3) ** 2
-        for k, kind in enumerate((is_edge, is_opening)):
-            chosen = usable & kind
-            sums[k] += weight[chosen].sum(), (weight[chosen] * behind[chosen]).sum()
-    if (sums[:, 0] <= 0.0).any():
+        is_edge = usable & (expected_x > front - 0.012)
+        is_opening = usable & (expected_x < front - 0.06)
+        counts += np.count_nonzero(is_edge), np.count_nonzero(is_opening)
+        used = is_edge | is_opening
+        y, z = measured[used][:, 1], measured[used][:, 2]
+        rows = np.column_stack([np.ones(len(y)), y, z, is_opening[used]]).astype(np.float64)
+        weight = 1.0 / np.maximum(view.sigma_m[window][used], 1e-3).astype(np.float64) ** 2
+        normal_matrix += (rows * weight[:, None]).T @ rows
+        right_side += (rows * weight[:, None]).T @ behind[used]
+    if (counts < _RELIEF_PIXELS).any():
         return 0.0
-    edges, openings = sums[:, 1] / sums[:, 0]
-    return float(openings - edges)
+    covariance = np.linalg.inv(normal_matrix)
+    relief = float((covariance @ right_side)[3])
+    return max(relief - 2.0 * float(np.sqrt(covariance[3, 3])), 0.0)
 
 
 def scene_points(
