@@ -117,7 +117,7 @@ def sample_surface(mesh: Mesh, spacing_m: float, count_max: int) -> Surface:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(normals, axis=1)
     total = max(float(area.sum()), 1e-9)
-    count = int(np.clip(total / spacing_m**2, 200, count_max))
+    count = int(np.clip(total / max(spacing_m, 1e-3) ** 2, 200, count_max))
     rng = np.random.default_rng(0)
     # Systematic along the cumulated area, so that small faces get their share.
     at = (np.arange(count) + 0.5) * total / count

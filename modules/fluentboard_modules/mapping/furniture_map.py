@@ -171,7 +171,7 @@ class FurnitureMap:
                 planes[identifiers[hypothesis.main_plane]].existence,
                 self._config,
             )
-            for hypothesis in self._hypotheses(classification)
+            for hypothesis in self._hypotheses(classification, regions)
         ]
         if self._judge is None or not self._judge.is_on:
             return found
@@ -185,13 +185,15 @@ class FurnitureMap:
             for verified in with_verdicts(candidate, self._judge.verdicts(candidate.key))
         ]
 
-    def _hypotheses(self, classification: Classification) -> list[FurnitureHypothesis]:
+    def _hypotheses(
+        self, classification: Classification, regions: Sequence[PlanarRegion]
+    ) -> list[FurnitureHypothesis]:
         """What satisfies a definition; with CAD models to try, also what is a part of one."""
         partial = [
             hypothesis
             for furniture in self._rules.furniture_classes
             if self._judge is not None and self._judge.has_models(furniture.name)
-            for hypothesis in partial_hypotheses(classification, furniture)
+            for hypothesis in partial_hypotheses(classification, furniture, regions)
         ]
         return [*classification.hypotheses, *partial]
 

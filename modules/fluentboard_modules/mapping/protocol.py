@@ -109,6 +109,9 @@ def rate(
 ) -> dict[str, Row]:
     """One look, by CAD model.
 
+    An object that need not be found is no true positive either if it is: its detection is ignored,
+    and so is a second one of it.
+
     Args:
         detections: what was found.
         present: the objects of which anything is to be seen.
@@ -130,6 +133,8 @@ def rate(
         used.add(i)
         hit.add(k)
         found, true = detections[i], present[k]
+        if true.name not in expected:
+            continue
         row = rows.setdefault(true.model, Row())
         row.true_positives += 1
         row.final_m.append(distance_m)

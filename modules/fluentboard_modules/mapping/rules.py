@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray, Plane
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.compiled_rules import compile_rules
 from fluentboard_modules.mapping.near_misses import NearMiss, find_near_misses
 from fluentboard_modules.mapping.planar_region import PlanarRegion
@@ -31,6 +32,12 @@ from fluentboard_modules.mapping.rule_language import (
     Some,
 )
 from fluentboard_modules.mapping.rule_reader import read_rules
+
+# Chairs' backs recline by 5 degrees and more, and stand off a wall by the depth of a skirting.
+_SAME_COSINE, _SAME_PLANE_M = 0.99, 0.08
+_WALL_M2 = 0.4  # no backrest is larger
+# A level plane may be a part of a model's top from so much of it on.
+_PART_SHARE, _PART_M2, _TOP_REACH_M = 0.05, 0.02, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +102,32 @@ class Reasoner(Protocol):
 
 
 def partial_hypotheses(
-    classification: Classification, furniture: FurnitureClass
+    classification: Classification,
+    furniture: FurnitureClass,
+    regions: Sequence[PlanarRegion],
+    models: Sequence[CadModel] = (),
 ) -> list[FurnitureHypothesis]:
     """Planes that have a label of a class's main or back plane without the rest of its definition.
 
     Of a chair in one image often only the seat or only the back is in sight. That is too little for
-    the definition, but enough to look there with a CAD model.
+    the definition, but enough to look there with a CAD model; and so is a small part of a top at
+    the height where a model has its top. What lies in the plane of a wall is a piece of the wall
+    that shows between other things, and no back.
+
+    Args:
+        classification: of the regions.
+        furniture: the class.
+        regions: that were classified.
+        models: CAD models of the class.
     """
+    labels_of = classification.labels
+    walls = [
+        region
+        for region, labels in zip(regions, labels_of, strict=True)
+        if "VerticalPlane" in labels
+        and region.area_m2 >= _WALL_M2
+        and not labels.intersection(furniture.back_planes)
+    ]
     # A backrest that took part in a definition may still be that of the chair next to it.
     defined = {
         hypothesis.main_plane
@@ -111,6 +137,15 @@ def partial_hypotheses(
     found: list[FurnitureHypothesis] = []
     for plane, labels in enumerate(classification.labels):
         wanted = [n for n in (*furniture.main_planes, *furniture.back_planes) if n in labels]
+        is_plain = not furniture.front_planes and not furniture.back_planes
+        if not wanted and is_plain and "HorizontalPlane" in labels:
+            # The rule asks for more of a top than is seen of this one.
+            wanted = [
+                furniture.main_planes[0] for m in models if _is_part_of_top(regions[plane], m)
+            ]
+        is_back = bool(wanted) and wanted[0] in furniture.back_planes
+        if is_back and any(_lies_in(regions[plane], wall) for wall in walls):
+            continue
         if wanted and plane not in defined:
             found.append(
                 FurnitureHypothesis(
@@ -123,6 +158,23 @@ def partial_hypotheses(
                 )
             )
     return found
+
+
+def _is_part_of_top(region: PlanarRegion, model: CadModel) -> bool:
+    """Whether a level region may be a part of a model's main face."""
+    face = model.top_faces(region.height_m, _TOP_REACH_M)
+    if face is None:
+        return False
+    area_m2 = float(np.prod(face[1] - face[0]))
+    return region.area_m2 >= max(_PART_SHARE * area_m2, _PART_M2)
+
+
+def _lies_in(region: PlanarRegion, wall: PlanarRegion) -> bool:
+    """Whether a region is a part of the plane of another, larger one."""
+    if region is wall:
+        return True
+    offset = abs(float(wall.normal @ (region.centroid - wall.centroid)))
+    return abs(float(region.normal @ wall.normal)) > _SAME_COSINE and offset < _SAME_PLANE_M
 
 
 class FurnitureRules:

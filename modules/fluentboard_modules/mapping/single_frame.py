@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fluentboard.model.geometry import Plane
+from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.candidates import (
     Candidate,
     case_of,
@@ -17,13 +19,14 @@ from fluentboard_modules.mapping.candidates import (
 )
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.neighbours import with_neighbours
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.rules import (
     FurnitureHypothesis,
     FurnitureRules,
     partial_hypotheses,
 )
-from fluentboard_modules.mapping.verify import Verdict, verify
+from fluentboard_modules.mapping.verify import Verdict, verify, verify_at
 
 _MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
 
@@ -60,7 +63,7 @@ def find_furniture(
     """Classifies planes once and verifies every hypothesis.
 
     Whole definitions come first. Then single planes are tried with the class's CAD models, as far
-    as nothing that was found explains them.
+    as nothing that was found explains them; and then the places beside what was found.
 
     Args:
         regions: planar regions of a frame or of a registered scene, map frame.
@@ -104,8 +107,22 @@ def find_furniture(
         hypothesis
         for furniture in rules.furniture_classes
         if library.of_class(furniture.name)
-        for hypothesis in partial_hypotheses(classification, furniture)
+        for hypothesis in partial_hypotheses(
+            classification, furniture, regions, library.of_class(furniture.name)
+        )
     ]
     parts.sort(key=lambda part: -regions[part.main_plane].area_m2)
     partial = judge(parts, choose(whole, set(), config.furniture), is_partial=True)
-    return SceneFindings(tuple(choose([*whole, *partial], set(), config.furniture)), tuple(judged))
+
+    def look(model: CadModel, standing: Standing, piece: Candidate) -> Verdict | None:
+        geometry = piece.geometry
+        if piece.furniture.front_planes:  # a front is only known by its relief
+            geometry = replace(geometry, main_side="front")
+        verdict = verify_at(model, standing, geometry, views, config.verification)
+        if verdict is not None:
+            judged.append(Judged(piece, verdict))
+        return verdict
+
+    chosen = choose([*whole, *partial], set(), config.furniture)
+    rows = with_neighbours(chosen, library.named, look)
+    return SceneFindings(tuple(choose(rows, set(), config.furniture)), tuple(judged))

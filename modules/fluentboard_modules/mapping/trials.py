@@ -19,6 +19,7 @@ from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_item import FurnitureItem
 from fluentboard_modules.mapping.furniture_map import FurnitureMap
 from fluentboard_modules.mapping.judge import FurnitureJudge
+from fluentboard_modules.mapping.presence import Onlooker
 from fluentboard_modules.mapping.protocol import Detection, Row, TrueObject, rate, totals
 from fluentboard_modules.mapping.rules import FurnitureRules
 from fluentboard_modules.mapping.single_frame import SceneFindings, find_furniture
@@ -28,9 +29,6 @@ from fluentboard_modules.simulation.scene import Scene
 
 Mode = Literal["frames", "map", "scene"]
 MODES: tuple[Mode, ...] = ("frames", "map", "scene")
-
-_SEEN_PX = 300  # of 640 x 480: so much of an object and a detection of it may be right
-_EXPECTED_PX = 3000  # so much, a hundredth of the image, and it should be found
 
 
 @dataclass
@@ -111,7 +109,8 @@ def _frames(
     config: MappingConfig,
     clock: _Stopwatch,
 ) -> Trial:
-    counter = _PixelCounter(scene, true)
+    models = [model for one in true if (model := library.named(one.model)) is not None]
+    onlooker = Onlooker(scene, [one.name for one in true], models)
     looks: list[Mapping[str, Row]] = []
     scores: list[tuple[float, bool]] = []
     for frame in frames:
@@ -122,9 +121,9 @@ def _frames(
         with clock("verification"):
             view = thin_view(frame, config.surfaces.noise)
             found = find_furniture(regions, [view], rules, library, config)
-        pixels = counter.count(frame)
-        present = [one for one in true if pixels[one.name] >= _SEEN_PX]
-        expected = {one.name for one in true if pixels[one.name] >= _EXPECTED_PX}
+        sights = onlooker.look(frame)
+        present = [one for one in true if sights[one.name].is_hint]
+        expected = {one.name for one in true if sights[one.name].is_expected}
         looks.append(rate(_detections(found.furniture), present, expected))
         scores += _scores(found, true)
     clock.seconds["verification"] -= clock.seconds["classification"]  # done there once more
@@ -205,26 +204,6 @@ def _scores(found: SceneFindings, true: Sequence[TrueObject]) -> list[tuple[floa
         )
         scores.append((judged.verdict.score, is_true))
     return scores
-
-
-class _PixelCounter:
-    """How many pixels of each object a frame shows; the books in a shelf are the shelf's."""
-
-    def __init__(self, scene: Scene, true: Sequence[TrueObject]) -> None:
-        self._names = [one.name for one in true]
-        row = {name: k + 1 for k, name in enumerate(self._names)}
-        self._row_of = np.zeros(max((i.label for i in scene.objects), default=0) + 1, np.int64)
-        for instance in scene.objects:
-            owner = instance.name if instance.cls != "Book" else instance.on
-            self._row_of[instance.label] = row.get(owner, 0)
-
-    def count(self, frame: SensorFrame) -> dict[str, int]:
-        if frame.labels is None:
-            return dict.fromkeys(self._names, 0)
-        rows = self._row_of[np.maximum(frame.labels, 0)]
-        counts = np.bincount(rows.ravel(), minlength=len(self._names) + 1)
-        scale = 640 * 480 / rows.size
-        return {name: int(counts[k + 1] * scale) for k, name in enumerate(self._names)}
 
 
 class _Stopwatch:

@@ -35,6 +35,7 @@ _ROW_MAX = 12  # models side by side
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
 _HOPELESS = 0.2  # nothing is aligned below this closeness
 _SETTLED_SCORE = 0.9  # nothing is searched from here on
+_BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
 
 
@@ -122,6 +123,37 @@ def verify(
             return (verdict,)
     tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
     return max(tried, key=lambda verdicts: _goodness(verdicts, config), default=())
+
+
+def verify_at(
+    model: CadModel,
+    standing: Standing,
+    geometry: FurnitureGeometry,
+    views: Sequence[DepthView],
+    config: VerificationConfig,
+) -> Verdict | None:
+    """Whether a model stands at a place that no plane has hinted at, or near it.
+
+    Args:
+        model: what may be there.
+        standing: where.
+        geometry: of the hypothesis that led there; says how the model is to be judged.
+        views: depth images that may show it.
+        config: of the comparison.
+
+    Returns:
+        None if no view shows the place.
+    """
+    low, high = model.mesh.bounds
+    centre = standing.transform.apply(0.5 * (low + high))
+    radius = 0.5 * float(np.linalg.norm((high - low)[:2])) + 0.1
+    chosen = best_views(views, centre, radius, config.views_max)
+    if not chosen:
+        return None
+    first = _look(model, standing, chosen[:3], _coarse(config))
+    if first.closeness < _HOPELESS:
+        return None
+    return _best_of(model, [standing], chosen, config, geometry, reach_m=_BESIDE_REACH_M)
 
 
 def _goodness(verdicts: tuple[Verdict, ...], config: VerificationConfig) -> tuple[bool, float]:

@@ -25,7 +25,7 @@ from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory, best_
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.verify import Verdict, possible_rows, verify
-from fluentboard_modules.mapping.visibility import compare_with_views
+from fluentboard_modules.mapping.visibility import compare_with_views, front_relief_m
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
@@ -257,3 +257,27 @@ def test_folder_without_models_says_how_to_name_them(tmp_path: Path) -> None:
 def test_model_in_millimetres_is_refused_with_the_remedy() -> None:
     with pytest.raises(InvalidGeometry, match="units=mm"):
         stood_up(CHAIR.mesh.scaled(1000.0), "chair.stl")
+
+
+def test_sliding_out_of_the_image_gains_nothing() -> None:
+    config = VisibilityConfig()
+    views = seen([(TABLE, Pose.from_rpy(0.0, 0.7, 0.0))], [(-1.4, -0.3, 1.3)])
+    model = cad(TABLE)
+
+    def gain(y: float) -> float:
+        return compare_with_views(model, Standing(0.0, y, 0.0).transform, views, config).gain(
+            config
+        )
+
+    assert gain(0.7) > gain(0.9) > gain(1.2)
+
+
+def test_a_wall_has_no_relief_however_the_model_is_turned_against_it() -> None:
+    wall = furniture.wall(3.0)
+    views = seen([(wall, Pose.from_rpy(1.0, 0.0, 0.0, yaw=np.pi))], [(-1.6, 0.0, 1.4)])
+    shelf = furniture.shelf()
+    books_in_front = shelf.mesh.bounds[1, 0]
+
+    for turn in (0.0, 0.1):
+        at = Standing(0.95 + float(books_in_front), 0.0, float(np.pi) + turn).transform
+        assert front_relief_m(cad(shelf), at, views, VisibilityConfig()) < 0.008

@@ -7,8 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.rules import Classification, FurnitureRules
+from fluentboard_modules.mapping.rules import (
+    Classification,
+    FurnitureRules,
+    partial_hypotheses,
+)
+from fluentboard_modules.simulation.furniture import table
 
 MakePlane = Callable[..., PlanarRegion]
 BACK = (0.0, -1.0, 0.1)  # an upright normal towards the seat, reclined a little
@@ -127,3 +133,43 @@ def test_no_planes_are_no_furniture(furniture_rules: FurnitureRules, explain: bo
     assert result.labels == ()
     assert result.hypotheses == ()
     assert result.near_misses == ()
+
+
+def test_the_backrest_beside_a_chair_is_still_a_hint_at_one(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    planes = [*seat_and_back(make_plane), make_plane((0.6, 0.25, 0.75), BACK, (0.42, 0.35))]
+    result = furniture_rules.classify(planes)
+
+    hints = partial_hypotheses(result, furniture_rules.rules.furniture["Chair"], planes)
+
+    assert 2 in {hint.main_plane for hint in hints}
+
+
+def test_a_piece_of_a_wall_is_no_hint_at_a_chair(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    planes = [
+        make_plane((0.0, 2.0, 1.0), (0.0, -1.0, 0.0), (3.0, 1.6)),
+        make_plane((2.5, 2.02, 0.75), (0.0, -1.0, 0.0), (0.42, 0.35)),
+    ]
+    result = furniture_rules.classify(planes)
+
+    assert "ChairBackrestPlane" in result.labels[1]
+    assert not partial_hypotheses(result, furniture_rules.rules.furniture["Chair"], planes)
+
+
+def test_a_strip_of_a_top_is_a_hint_where_a_cad_model_has_its_top(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    model = table(width=1.4, depth=0.8, height=0.74)
+    cad = CadModel(model.name, model.cls, model.mesh)
+
+    def hints(height_m: float) -> int:
+        planes = [make_plane((0.0, 0.0, height_m), size=(0.8, 0.15))]
+        result = furniture_rules.classify(planes)
+        kind = furniture_rules.rules.furniture["Table"]
+        return len(partial_hypotheses(result, kind, planes, [cad]))
+
+    assert hints(0.73) == 1
+    assert hints(0.6) == 0

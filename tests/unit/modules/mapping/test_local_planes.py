@@ -57,3 +57,20 @@ def test_depth_noise_grows_with_the_square_of_the_distance() -> None:
     sigma = depth_sigma_m(np.array([0.4, 1.4, 2.4], np.float32), DepthNoiseConfig())
 
     assert np.allclose(sigma, [0.0012, 0.0031, 0.0088])
+
+
+def test_a_table_top_seen_at_a_grazing_angle_is_a_plane(rng: np.random.Generator) -> None:
+    camera = Camera(640, 120, 580.0, 580.0, 320.0, -100.0)
+    coefficients = np.array([0.0, 1.0 / 0.57, 0.0])  # 0.57 m below the eye, which looks level
+    # Pixels wander sideways: each reads the depth of a place beside it.
+    rays = camera.rays()
+    rays[..., 1] += rng.normal(0.0, 0.8 / camera.fy, rays.shape[:2])
+    depth = 1.0 / (rays @ coefficients)
+    depth += rng.normal(0.0, 0.0012 + 0.0019 * (depth - 0.4) ** 2)
+
+    def planar(noise: DepthNoiseConfig) -> float:
+        local = fit_local_planes(depth.astype(np.float32), camera, NormalsConfig(), noise)
+        return float(local.is_planar[10:-10, 10:-10].mean())
+
+    assert planar(DepthNoiseConfig()) > 0.9
+    assert planar(DepthNoiseConfig(lateral_px=0.0)) < 0.6
