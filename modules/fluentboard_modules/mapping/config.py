@@ -29,8 +29,8 @@ class DepthNoiseConfig(_Settings):
     quantisation_per_m: float = Field(
         default=0.00083,
         ge=0.0,
-        description="Rounding of the disparity to 1/8 px (Khoshelham 2012), as a standard deviation "
-        "that grows with the square of the depth. A flat wall at 4 m is no rough one.",
+        description="Rounding of the disparity to 1/8 px (Khoshelham 2012): a standard deviation "
+        "per square metre of depth. A flat wall at 4 m is no rough one.",
     )
     lateral_px: float = Field(
         default=0.8,
