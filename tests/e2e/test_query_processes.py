@@ -89,6 +89,41 @@ def test_an_update_that_would_never_end_does_not_reach_the_writer(board: httpx.C
     assert reply.json()["added"] == 1
 
 
+# By its time or by its memory, whichever is over first.
+STOPPED = ("query-timeout", "too-large")
+MANY = " ".join(f"<urn:a> <urn:b> {number} ." for number in range(300))
+ENDLESS_AMONG_MANY = "SELECT (COUNT(*) AS ?n) { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l FILTER(?c + ?f = ?i + ?l) }"
+
+
+def test_an_update_that_never_ends_because_of_what_it_did_first_is_ended(
+    board: httpx.Client,
+) -> None:
+    query = ENDLESS_AMONG_MANY.replace("{", "{ GRAPH <urn:many> {") + " }"
+    where = f"INSERT {{ GRAPH <urn:g> {{ <urn:a> <urn:c> ?n }} }} WHERE {{ {{ {query} }} }}"
+    update = f"INSERT DATA {{ GRAPH <urn:many> {{ {MANY} }} }} ; {where}"
+    for _ in range(3):  # more than there are threads for updates
+        reply = board.post("/sparql", data={"update": update})
+        assert reply.json()["code"] in STOPPED
+    few = update.replace(MANY, "<urn:a> <urn:b> 1 .")
+    assert board.post("/sparql", data={"update": few}).json()["added"] == 2
+
+
+def test_a_query_of_a_transaction_that_never_ends_is_ended(board: httpx.Client) -> None:
+    begun = board.post("/repositories/fluentboard/transactions")
+    at = begun.headers["location"]
+    turtle = {"Content-Type": "text/turtle"}
+    context = {"action": "ADD", "context": "null"}
+    assert board.put(at, params=context, content=MANY, headers=turtle).is_success
+    sparql = {"Content-Type": "application/sparql-query"}
+    told = [
+        board.put(at, params={"action": "QUERY"}, content=query, headers=sparql)
+        for query in (ENDLESS_AMONG_MANY, "SELECT (COUNT(*) AS ?n) { <urn:a> ?p ?o }")
+    ]
+    assert told[0].json()["code"] in STOPPED
+    assert told[1].json()["results"]["bindings"][0]["n"]["value"] == "300"
+    assert board.delete(at).status_code == 204
+
+
 def test_a_query_that_takes_too_much_memory_ends_alone(board: httpx.Client) -> None:
     reply = board.get("/sparql", params={"query": GREEDY})
     # On a slow machine the time may be over first.

@@ -21,6 +21,7 @@ from fluentboard.api.federation import check_services
 from fluentboard.api.point_queries import PointQuery, point_query
 from fluentboard.api.query_threads import QueryThreads
 from fluentboard.api.readers.pool import ReaderPool
+from fluentboard.api.readers.rehearsal import Rehearsal
 from fluentboard.api.result_cache import Cached, Key, ResultCache
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
@@ -147,7 +148,10 @@ class Evaluator:
         check_services(question.text, self._service_endpoints)
         if self._readers is None:
             return await self._in_thread(question)
-        job = self._readers.submit(question, self._board.commit, self._board.clock.now_s())
+        return await self._in_reader(self._readers, question)
+
+    async def _in_reader(self, readers: ReaderPool, question: Question | Rehearsal) -> Result:
+        job = readers.submit(question, self._board.commit, self._board.clock.now_s())
         self._note(job.future)
         timeout_s = self._limits.query_timeout_s
         try:
@@ -158,7 +162,7 @@ class Evaluator:
             await asyncio.wait({result}, timeout=min(_LONG_S, timeout_s))
             if not result.done():
                 # It may go on for long: the next query is to find a reader that is free.
-                self._readers.prepare_one_more()
+                readers.prepare_one_more()
             return await self._in_time(result, timeout_s, "did not finish")
         finally:
             job.abandon()
@@ -190,8 +194,8 @@ class Evaluator:
                 timeout_s=timeout_s,
             ) from None
 
-    async def try_out(self, question: Question) -> None:
-        """Evaluates a query where it can be stopped, before it is evaluated where it cannot.
+    async def try_out(self, question: Question | Rehearsal) -> None:
+        """Evaluates a query or update where it can be stopped, before it is where it cannot.
 
         On a board in memory, which has no such place, it does nothing.
 
@@ -199,6 +203,9 @@ class Evaluator:
             FluentboardError: as `evaluate`.
         """
         if self._readers is None:
+            return
+        if isinstance(question, Rehearsal):
+            await self._in_reader(self._readers, question)
             return
         result = await self._evaluated(question)
         if result.file is not None:

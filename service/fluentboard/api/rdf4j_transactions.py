@@ -139,6 +139,7 @@ class Transactions:
 
     async def _commit(self, call: Call, transaction: _Transaction) -> Reply:
         name = call.arguments["transaction"]
+        await self._updater.try_out(transaction.operations)
         commit = await self._updater.change(call, lambda: transaction.operations, name)
         self._open.pop(name, None)
         return Reply(b"", _TEXT, 200, [commit_header(commit.number)])
@@ -186,6 +187,7 @@ class Transactions:
         text = parameters.text(values, "query")
         if text is None:
             text = utf8_text(await call.body(self._limits.body_max_bytes))
+        await self._updater.try_query(transaction.operations, text)
         return await asyncio.to_thread(self._answered, call, transaction, text)
 
     def _answered(self, call: Call, transaction: _Transaction, text: str) -> Reply | StreamedReply:

@@ -13,6 +13,7 @@ import pyoxigraph as ox
 from fluentboard.api.answering import DEFAULT_GRAPH, Question
 from fluentboard.api.exchange import Call
 from fluentboard.api.query_threads import QueryThreads
+from fluentboard.api.readers.rehearsal import Rehearsal, needs_rehearsal
 from fluentboard.api.security import Guard
 from fluentboard.api.writing import idempotency_key, outcome
 from fluentboard.board.blackboard import Blackboard
@@ -27,7 +28,7 @@ from fluentboard.errors import QueryTimeout
 _THREADS = 2
 
 
-TryOut = Callable[[Question], Awaitable[None]]
+TryOut = Callable[[Question | Rehearsal], Awaitable[None]]
 
 
 class Updater:
@@ -38,8 +39,8 @@ class Updater:
         limits: on time.
         guard: admits callers.
         read: gets documents for LOAD; None to refuse it.
-        try_out: evaluates a query where it can be stopped, and does nothing with its result; None
-            to carry out every update right away.
+        try_out: evaluates a query or update where it can be stopped, and does nothing with its
+            result; None to carry out every update right away.
     """
 
     def __init__(
@@ -87,9 +88,7 @@ class Updater:
                 using_graphs=using_graphs,
                 using_named_graphs=using_named_graphs,
             )
-            for operation in parsed:
-                if isinstance(operation, Modify):
-                    await self._try_out(_question(operation))
+            await self.try_out(parsed)
         return await self._done(
             partial(
                 self._board.graphs.update,
@@ -102,6 +101,25 @@ class Updater:
                 read=self._read,
             )
         )
+
+    async def try_out(self, operations: Sequence[Operation]) -> None:
+        """Finds out what operations would change, where that can be stopped.
+
+        Raises:
+            FluentboardError: why nothing would be changed.
+            QueryTimeout: it takes too long.
+        """
+        if self._try_out is None:
+            return
+        if needs_rehearsal(operations):
+            await self._try_out(Rehearsal.of(operations))
+        elif operations and isinstance(operations[0], Modify):
+            await self._try_out(_question(operations[0]))
+
+    async def try_query(self, operations: Sequence[Operation], query: str) -> None:
+        """The same for a query on what the operations lead to."""
+        if self._try_out is not None:
+            await self._try_out(Rehearsal.of(operations, query))
 
     async def change(
         self, call: Call, operations: Callable[[], Sequence[Operation]], fingerprint: str = ""

@@ -100,7 +100,7 @@ class Blackboard:
             waits_for_disk=self._journal.waits_for_disk,
             guard=guard,
         )
-        self.graphs = Graphs(projections, self._projector, self._writer, self._rewritten)
+        self.graphs = Graphs(projections, self._projector, self._writer)
 
     @classmethod
     def open(

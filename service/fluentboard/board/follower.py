@@ -15,13 +15,16 @@ from typing import Literal
 import pyoxigraph as ox
 
 from fluentboard.board.events import Commit
+from fluentboard.board.graphs import evaluation_on, previewed
 from fluentboard.board.intervals import IntervalIndex
+from fluentboard.board.oxigraph_query import ask
 from fluentboard.board.projections import Projections
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName
 from fluentboard.board.time_functions import functions_for
 from fluentboard.board.time_view import Perspective
 from fluentboard.board.time_views import TimedResults, TimeViews
+from fluentboard.board.update_operations import Operation
 from fluentboard.clock import Clock
 from fluentboard.model.interval import Certainty
 
@@ -102,6 +105,21 @@ class Follower:
             named_graphs=named_graphs,
         )
         return TimedResults(results, commit)
+
+    def rehearse(self, operations: Sequence[Operation], query: str | None) -> None:
+        """Evaluates an update, and a query on what it leads to, and forgets what comes of it.
+
+        Raises:
+            FluentboardError: as carrying it out would.
+        """
+        if query is None:
+            evaluation_on(self._projections).changes(operations)
+            return
+        view, named = previewed(self._projections, operations, query)
+        results = ask(view, query, None, None, lambda: named)
+        if not isinstance(results, ox.QueryBoolean):
+            for _ in results:
+                pass
 
     def named_graphs(self) -> list[ox.NamedNode]:
         """Names of all named graphs, the board's own notes left out."""

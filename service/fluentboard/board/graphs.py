@@ -62,16 +62,11 @@ class Graphs:
         projections: Projections,
         projector: Projector,
         writer: Writer,
-        rewritten: Callable[[str], str],
     ) -> None:
         self._projections = projections
         self._store = projections.store
         self._projector = projector
         self._writer = writer
-        self._rewritten = rewritten
-        self._rules = StatementRules(
-            self._store, projections.is_in_ontology, lambda name: name in projections.index
-        )
 
     def update(
         self,
@@ -197,10 +192,7 @@ class Graphs:
             FluentboardError: the operations are refused.
         """
         self._projector.wait_for(self._projections.remembered)
-        evaluation = UpdateEvaluation(self._store, self._ask, self._rules, CHANGES_MAX)
-        evaluation.changes(operations)
-        reach = None if query is None else reach_of(query)
-        return evaluation.view(Modify(query or "", (), (), reach=reach))
+        return previewed(self._projections, operations, query)
 
     def _submit(
         self,
@@ -233,14 +225,39 @@ class Graphs:
     def _evaluated(
         self, operations: Sequence[Operation], stop: threading.Event | None
     ) -> tuple[StatementsChanged, ...]:
-        return UpdateEvaluation(self._store, self._ask, self._rules, CHANGES_MAX, stop).changes(
-            operations
-        )
+        return evaluation_on(self._projections, stop).changes(operations)
 
-    def _ask(self, operation: Modify) -> QueryResults:
+
+def evaluation_on(
+    projections: Projections, stop: threading.Event | None = None
+) -> UpdateEvaluation:
+    """What evaluates one request on the statements of a board.
+
+    Args:
+        projections: of the board; the RDF store must not change meanwhile.
+        stop: once set, nobody waits for the outcome any more.
+    """
+    store = projections.store
+
+    def ask_store(operation: Modify) -> QueryResults:
         query = operation.query
         if operation.default_graphs is None:
-            query = self._rewritten(query)
-        return self._store.query(
+            query = projections.prepared.rewritten(query, projections.vocabulary)
+        return store.query(
             query, operation.default_graphs, operation.named_graphs, base_iri=operation.base_iri
         )
+
+    rules = StatementRules(
+        store, projections.is_in_ontology, lambda name: name in projections.index
+    )
+    return UpdateEvaluation(store, ask_store, rules, CHANGES_MAX, stop)
+
+
+def previewed(
+    projections: Projections, operations: Sequence[Operation], query: str | None
+) -> tuple[ox.Store, list[ox.NamedNode]]:
+    """As `Graphs.preview`, of projections that have all commits."""
+    evaluation = evaluation_on(projections)
+    evaluation.changes(operations)
+    reach = None if query is None else reach_of(query)
+    return evaluation.view(Modify(query or "", (), (), reach=reach))

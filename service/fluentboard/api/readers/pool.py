@@ -18,6 +18,7 @@ from pathlib import Path
 
 from fluentboard.api.answering import Question, Result
 from fluentboard.api.readers.process import ReaderEnded, ReaderProcess
+from fluentboard.api.readers.rehearsal import Rehearsal
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
 from fluentboard.config import LimitSettings
@@ -33,14 +34,14 @@ _BEHIND_MAX = 20_000
 
 
 class Job:
-    """A question that waits for a reader, or has one.
+    """A question, or a rehearsal, that waits for a reader or has one.
 
     Attributes:
         begun: done once a reader works on it, or when it will not come to that.
         future: the result.
     """
 
-    def __init__(self, question: Question, commit: int, now_s: float) -> None:
+    def __init__(self, question: Question | Rehearsal, commit: int, now_s: float) -> None:
         self.question = question
         self.commit = commit
         self.now_s = now_s
@@ -100,7 +101,7 @@ class ReaderPool:
         shutil.rmtree(folder, ignore_errors=True)
         self._stop_listening = board.listen(self._on_commits)
 
-    def submit(self, question: Question, commit: int, now_s: float) -> Job:
+    def submit(self, question: Question | Rehearsal, commit: int, now_s: float) -> Job:
         """Has a question answered as soon as a reader is free, at a commit or a later one."""
         job = Job(question, commit, now_s)
         with self._guard:
@@ -273,7 +274,10 @@ class _Keeper:
         job.begin()
         changes = self._pool.changes
         try:
-            result = self._reader.ask(job.question, job.commit, job.now_s)
+            if isinstance(job.question, Rehearsal):
+                result = self._reader.rehearse(job.question, job.commit)
+            else:
+                result = self._reader.ask(job.question, job.commit, job.now_s)
         finally:
             job.given_to(None)
         self._seen = changes

@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from fluentboard.api.answering import Question, Result
 from fluentboard.api.readers.frames import read_frame, write_frame
+from fluentboard.api.readers.rehearsal import Rehearsal
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.config import LimitSettings
 from fluentboard.errors import FluentboardError, StorageFailed, error_classes
@@ -122,6 +123,16 @@ class ReaderProcess:
             header["is_exact"],
         )
 
+    def rehearse(self, rehearsal: Rehearsal, commit: int) -> Result:
+        """Has an update evaluated, at a commit or a later one; the result is empty.
+
+        Raises:
+            FluentboardError: as carrying it out would.
+            ReaderEnded: the reader was killed, or ended by itself.
+        """
+        header, _ = self._exchange({"commit": commit}, rehearsal.packed())
+        return Result("", b"", None, 0, header["commit"])
+
     def kill(self) -> None:
         """Ends the process at once, whatever it does. Callable from any thread."""
         self._process.kill()
@@ -139,11 +150,11 @@ class ReaderProcess:
     def _clear_away(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _exchange(self, header: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
+    def _exchange(self, header: dict[str, Any], body: bytes = b"") -> tuple[dict[str, Any], bytes]:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
-            write_frame(self._process.stdin, header)
+            write_frame(self._process.stdin, header, body)
             reply, body = read_frame(self._process.stdout)
         except (OSError, EOFError, ValueError) as problem:
             raise ReaderEnded(str(problem)) from None

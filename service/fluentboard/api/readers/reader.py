@@ -17,6 +17,7 @@ from typing import IO, Any
 
 from fluentboard.api.answering import Question, answer
 from fluentboard.api.readers.frames import read_frame, write_frame
+from fluentboard.api.readers.rehearsal import Rehearsal
 from fluentboard.board.follower import Follower
 from fluentboard.clock import ReplayClock
 from fluentboard.config import LimitSettings
@@ -26,7 +27,7 @@ from fluentboard.model.interval import Certainty
 # What a query may take must not starve those who write.
 _NICENESS = 5
 
-_Frames = queue.SimpleQueue[dict[str, Any]]
+_Frames = queue.SimpleQueue[tuple[dict[str, Any], bytes]]
 
 
 def main() -> None:
@@ -36,7 +37,7 @@ def main() -> None:
     os.dup2(2, 1)  # whatever prints by mistake must not get between the frames
     frames: _Frames = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(sys.stdin.buffer, frames), daemon=True).start()
-    setup = frames.get()
+    setup, _ = frames.get()
     _lower_priority()
     limits = LimitSettings.model_validate(setup["limits"])
     # The board's clock, as each question brings it along.
@@ -49,7 +50,7 @@ def main() -> None:
         return
     write_frame(output, {"commit": follower.commit})
     while True:
-        header, body = _reply(frames.get(), follower, limits, clock, folder)
+        header, body = _reply(*frames.get(), follower, limits, clock, folder)
         write_frame(output, header, body)
 
 
@@ -57,13 +58,14 @@ def _receive(pipe: IO[bytes], frames: _Frames) -> None:
     """Passes frames on; ends the process when the service is gone."""
     try:
         while True:
-            frames.put(read_frame(pipe)[0])
+            frames.put(read_frame(pipe))
     except (EOFError, OSError):
         os._exit(0)
 
 
 def _reply(
     asked: dict[str, Any],
+    packed: bytes,
     follower: Follower,
     limits: LimitSettings,
     clock: ReplayClock,
@@ -71,6 +73,9 @@ def _reply(
 ) -> tuple[dict[str, Any], bytes]:
     try:
         follower.wait_for(asked["commit"])
+        if packed:
+            rehearsal = Rehearsal.unpacked(packed)
+            follower.rehearse(rehearsal.operations, rehearsal.query)
         if "question" not in asked:
             return {"commit": follower.commit}, b""
         clock.set(asked["now_s"])
