@@ -8,6 +8,7 @@ at everything, everything is copied.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import islice
 
 import pyoxigraph as ox
 
@@ -17,6 +18,7 @@ from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.store import GraphName
 from fluentboard.board.update_operations import Modify
 
+_FEW = 20_000
 _EVERYTHING = Reach(frozenset({(None, None, None)}), looks_outside_graphs=True, names_dataset=False)
 
 
@@ -38,7 +40,7 @@ def view_for(
     view = ox.Store()
     for graph in _graphs(operation, reach, pending):
         for pattern in reach.patterns:
-            view.bulk_extend(store.matching(*pattern, graph))
+            _copy(store.matching(*pattern, graph), view)
     for quad in pending.removed:
         is_default = isinstance(quad.graph_name, ox.DefaultGraph)
         if not (is_default and is_said_otherwise(quad)):
@@ -47,6 +49,14 @@ def view_for(
     for graph in pending.named_graphs():
         view.add_graph(graph)
     return view
+
+
+def _copy(quads: Iterator[ox.Quad], view: ox.Store) -> None:
+    few = list(islice(quads, _FEW))
+    view.extend(few)
+    if len(few) == _FEW:
+        # Quicker from here on, but it takes 200 MB of address space whatever it loads.
+        view.bulk_extend(quads)
 
 
 def _graphs(operation: Modify, reach: Reach, pending: PendingStatements) -> Iterator[GraphName]:
