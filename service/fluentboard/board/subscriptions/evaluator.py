@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.changes import CommitChange, EventChange
-from fluentboard.board.subscriptions.held import HeldCommit, TimePassed, time_passed
+from fluentboard.board.subscriptions.held import HeldCommit, time_passed
 from fluentboard.board.subscriptions.messages import Answer, Change, Failed, Gap, Live, Resumed
 from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import ParsedQuery
@@ -343,6 +343,9 @@ class Evaluator:
             if standing.schema is not schema:
                 chosen = self._plan(standing.query, standing.at)
             commit, at_s, solutions = self._ask(standing, chosen.view.text)
+            if at_s is not None:
+                # First: a commit that the evaluation has not seen changes what held at that time.
+                self._pass_to(at_s)
             if not self._arrive(commit):
                 raise FluentboardError(
                     f"the board does not tell of commit {commit} though queries see it; look for "
@@ -352,8 +355,6 @@ class Evaluator:
             # are done when the commit is told of, so then it is asked again.
             if self._ontology_routed <= routed:
                 standing.schema = schema
-                if at_s is not None:
-                    self._pass_to(at_s)
                 return Evaluated(commit, at_s, chosen, solutions)
 
     def _ask(self, standing: StandingQuery, text: str) -> tuple[int, float | None, Bag]:
@@ -378,13 +379,7 @@ class Evaluator:
 
     def _resume(self, standing: StandingQuery, commit: int) -> None:
         """Goes on after a full evaluation that is exact at a commit (and at the present time)."""
-        later = [
-            # The evaluation showed the present time, so the commits after it change what that
-            # shows, and no time has passed.
-            change.at(self._time.at_s) if isinstance(change, HeldCommit) else change
-            for change in standing.pending
-            if change.number > commit and not isinstance(change, TimePassed)
-        ]
+        later = [change for change in standing.pending if change.number > commit]
         standing.pending = []
         self._stale.pop(standing, None)
         for number, change in enumerate(later):

@@ -6,7 +6,7 @@ its statements, and one that ceases to hold goes with them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import pyoxigraph as ox
@@ -113,10 +113,6 @@ class HeldCommit(CommitChange):
     def at_s(self) -> float:
         """The time that is shown after it."""
         return self.shown_s
-
-    def at(self, time_s: float) -> HeldCommit:
-        """The same commit, seen at another time."""
-        return self if time_s == self.shown_s else replace(self, shown_s=time_s)
 
     @cached_property
     def events(self) -> tuple[EventChange, ...]:
