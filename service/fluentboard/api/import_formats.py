@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import IO
@@ -11,11 +10,11 @@ from typing import IO
 import pyoxigraph as ox
 
 from fluentboard.api.bodies import NDJSON, YAML, json_lines
+from fluentboard.api.descriptions import Descriptions
 from fluentboard.api.rdf_bodies import InvalidRdf
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.triples import fluent_from_triples, fluent_name
 from fluentboard.board.update_operations import Graph
-from fluentboard.board.vocabulary import RDF_TYPE
 from fluentboard.errors import InvalidInput, UnknownFluent
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.yaml_format import read_fluents
@@ -32,7 +31,6 @@ _RDF_FORMATS = {
     "application/ld+json": ox.RdfFormat.JSON_LD,
     "application/rdf+xml": ox.RdfFormat.RDF_XML,
 }
-_BATCH = 10_000
 
 
 def graph_named(iri: str | None, is_default: bool) -> Graph | None:
@@ -85,19 +83,14 @@ def _from_rdf(
             names[node] = ox.BlankNode("a" + label[:31])
         return names[node]
 
-    with tempfile.TemporaryDirectory(prefix="fluentboard-import-") as folder:
-        store = ox.Store(folder)
-        waiting: list[ox.Quad] = []
+    with Descriptions() as descriptions:
         for quad in _parsed(file, media_type):
-            if isinstance(quad.graph_name, ox.DefaultGraph) and _is_about_fluent(quad):
-                waiting.append(quad)
-                if len(waiting) >= _BATCH:
-                    store.bulk_extend(waiting)
-                    waiting = []
-                continue
-            subject, value = quad.subject, quad.object
-            graph = quad.graph_name
+            subject, graph = quad.subject, quad.graph_name
             if isinstance(graph, ox.DefaultGraph):
+                name = fluent_name(subject.value) if isinstance(subject, ox.NamedNode) else None
+                if name is not None:
+                    descriptions.add(name, quad.triple)
+                    continue
                 if target is None:
                     raise InvalidInput(
                         f"the import says something of {subject}, which is no fluent: the IRI of a "
@@ -107,14 +100,14 @@ def _from_rdf(
                 graph = target
             elif isinstance(graph, ox.BlankNode):
                 raise InvalidRdf("the import has a graph without an IRI; give it one")
+            value = quad.object
             yield ox.Quad(
                 named(subject) if isinstance(subject, ox.BlankNode) else subject,
                 quad.predicate,
                 named(value) if isinstance(value, ox.BlankNode) else value,
                 graph,
             )
-        store.bulk_extend(waiting)
-        yield from _fluents(store, board)
+        yield from _fluents(descriptions, board)
 
 
 def _parsed(file: IO[bytes], media_type: str) -> Iterator[ox.Quad]:
@@ -124,29 +117,18 @@ def _parsed(file: IO[bytes], media_type: str) -> Iterator[ox.Quad]:
         raise InvalidRdf(f"the import does not parse as {media_type}: {problem}") from None
 
 
-def _is_about_fluent(quad: ox.Quad) -> bool:
-    return isinstance(quad.subject, ox.NamedNode) and fluent_name(quad.subject.value) is not None
-
-
-def _fluents(store: ox.Store, board: Blackboard) -> Iterator[Fluent]:
-    a = ox.NamedNode(RDF_TYPE)
-
+def _fluents(descriptions: Descriptions, board: Blackboard) -> Iterator[Fluent]:
     def class_of(name: str) -> str:
-        for quad in store.quads_for_pattern(ox.NamedNode(FLUENT + name), a, None, None):
-            if isinstance(quad.object, ox.NamedNode):
-                return quad.object.value
+        found = descriptions.class_of(name)
+        if found is not None:
+            return found
         try:
             return board.fluent(name).class_name
         except UnknownFluent:
             # RDF does not say what a reference that leads nowhere was meant to be.
             return PREFIXES["upper"] + "Fluent"
 
-    last: object = None
-    for first in store:  # which keeps the triples of a subject together
-        if first.subject == last:
-            continue
-        last = first.subject
-        triples = [quad.triple for quad in store.quads_for_pattern(first.subject, None, None, None)]
+    for triples in descriptions:
         yield fluent_from_triples(triples, board.vocabulary, class_of)
 
 
