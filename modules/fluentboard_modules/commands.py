@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring import commands as anchoring_commands
 from fluentboard_modules.command_options import (
     DEFAULT_BOARD,
@@ -327,6 +328,30 @@ def evaluate_mapping(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the results: JSON.")
     ] = None,
+    recording: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="A recording with labels instead of the simulated rooms; any source of frames.",
+        ),
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Its furniture: class, pose and size in YAML, or fluents. Default: labels.yaml or "
+            "truth.yaml in or beside the recording.",
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="CAD models for the recording, as for work mapping."),
+    ] = None,
+    ontology: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="More classes, as for work mapping; may be repeated."),
+    ] = None,
 ) -> None:
     """Repeat the experiments of Section 3.3: furniture found, invented and missed.
 
@@ -334,9 +359,26 @@ def evaluate_mapping(
     seminar room with 32. A piece counts as found within the distances of the thesis: 15 cm for
     chairs, 25 cm for shelves, 45 cm for the rest. Prints the columns of Table 3.1 and the times of
     Table 3.2 for each room.
+
+    With --recording the same for frames of your own, all of them with memory, against labels.
     """
     with needs_extra("mapping"):
         from fluentboard_modules.mapping.evaluate import evaluate_mapping as run
+        from fluentboard_modules.mapping.evaluate import evaluate_recording
+    if recording is not None:
+        if scene or mode or seed:
+            raise InvalidInput("--recording goes without --scene, --mode and --seed")
+        evaluate_recording(
+            recording,
+            labels,
+            gravity=gravity,
+            models=models,
+            ontologies=ontology or [],
+            output=output,
+        )
+        return
+    if labels or gravity or models or ontology:
+        raise InvalidInput("--labels, --gravity, --models and --ontology go with --recording")
     run(
         scene or ["office", "seminar"],
         mode or ["frames", "map", "scene"],

@@ -17,6 +17,11 @@ TOLERANCE_M: Mapping[str, float] = {"Chair": 0.15, "Shelf": 0.25, "Cabinet": 0.2
 _OTHER_TOLERANCE_M = 0.45
 
 
+def tolerance_m(class_name: str) -> float:
+    """How far a detection of a class may be off, in metres."""
+    return TOLERANCE_M.get(class_name, _OTHER_TOLERANCE_M)
+
+
 class Placed(Protocol):
     """Anything with a class and a bounding box in the map frame."""
 
@@ -105,8 +110,8 @@ def compare(found: Sequence[Found], true: Sequence[TruePiece]) -> list[Match[Fou
     partner_of: dict[int, tuple[int, float]] = {}
     taken: set[int] = set()
     for distance_m, i, k in pairs:
-        tolerance_m = TOLERANCE_M.get(found[i].class_name, _OTHER_TOLERANCE_M)
-        if i not in partner_of and k not in taken and distance_m <= tolerance_m:
+        is_near = distance_m <= tolerance_m(found[i].class_name)
+        if i not in partner_of and k not in taken and is_near:
             partner_of[i] = (k, distance_m)
             taken.add(k)
     matches: list[Match[Found]] = []

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fluentboard.errors import InvalidOntology
 from fluentboard.model.geometry import FloatArray, Plane
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.compiled_rules import compile_rules
@@ -32,6 +34,7 @@ from fluentboard_modules.mapping.rule_language import (
     Some,
 )
 from fluentboard_modules.mapping.rule_reader import read_rules
+from fluentboard_ontology import read
 
 # Chairs' backs recline by 5 degrees and more, and stand off a wall by the depth of a skirting.
 _SAME_COSINE, _SAME_PLANE_M = 0.99, 0.08
@@ -281,6 +284,24 @@ class FurnitureRules:
             priority=furniture.priority,
             main_label=main_first[0].label,
         )
+
+
+def furniture_ontology(more: Sequence[Path] = ()) -> str:
+    """Our furniture ontology and whatever classes are added to it, as Turtle.
+
+    Args:
+        more: files in Turtle.
+
+    Raises:
+        InvalidOntology: a file cannot be read.
+    """
+    texts = [read("furniture")]
+    for path in more:
+        try:
+            texts.append(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidOntology(f"ontology {path} cannot be read: {error}") from error
+    return "\n".join(texts)
 
 
 def load_rules(turtle_text: str) -> FurnitureRules:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fluentboard.errors import InvalidInput, InvalidOntology
+from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import Transform
 from fluentboard_client import AssertFluent, Client, Command, EndFluent, Event
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -30,14 +30,13 @@ from fluentboard_modules.mapping.model_map import with_models
 from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
-from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
+from fluentboard_modules.mapping.rules import FurnitureRules, furniture_ontology, load_rules
 from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.mapping.written_furniture import UpdateConfig
 from fluentboard_modules.progress import FrameProgress
 from fluentboard_modules.statements import Ending, Statement
 from fluentboard_modules.worker import WorkReport, run, stop_on_signals
-from fluentboard_ontology import read as read_ontology
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +72,7 @@ class MappingModule:
         self._source = source
         self._T_map_world = T_map_world
         self._config = config or MappingConfig()
-        self._rules = rules or load_rules(read_ontology("furniture"))
+        self._rules = rules or load_rules(furniture_ontology())
         noise = self._config.surfaces.noise
         judge = FurnitureJudge(library or CadLibrary(), self._config.verification, noise)
         self._map = FurnitureMap(self._rules, self._config.furniture, noise, judge)
@@ -227,7 +226,7 @@ def run_mapping(
         FluentboardError: the source, the board or a file is not what it should be.
     """
     config = MappingConfig()
-    turtle = "\n".join([read_ontology("furniture"), *map(_text, ontologies)])
+    turtle = furniture_ontology(ontologies)
     rules = load_rules(turtle)
     if reasoner == "pellet":
         rules = FurnitureRules(rules.rules, PelletReasoner(rules.rules, turtle))
@@ -263,10 +262,3 @@ def _library(models: Path | None, rules: FurnitureRules) -> CadLibrary:
     if models is None:
         return CadLibrary()
     return load_library(models, [furniture.name for furniture in rules.furniture_classes])
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InvalidOntology(f"{path} cannot be read: {error.strerror}") from error
