@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import GeometryCollection, MultiPolygon, Polygon
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.sensor_frame import Camera
@@ -68,18 +68,33 @@ def trace_contour(
 
 def tidy(contour: MultiPolygon, config: ContourConfig) -> MultiPolygon:
     """Valid, simplified, without specks and pinholes."""
-    if not contour.is_valid:  # outlines that touch themselves in a corner
-        contour = as_multipolygon(shapely.make_valid(contour))
-    simple = as_multipolygon(contour.simplify(config.simplify_m, preserve_topology=True))
-    parts = [
-        Polygon(
-            part.exterior,
-            [hole for hole in part.interiors if Polygon(hole).area >= config.smallest_hole_m2],
+    pieces = shapely.get_parts(contour)
+    is_valid = shapely.is_valid(pieces)
+    if not is_valid.all():  # outlines that touch themselves in a corner
+        mended = as_multipolygon(
+            GeometryCollection(shapely.make_valid(pieces[~is_valid], method="structure").tolist())
         )
-        for part in simple.geoms
-        if Polygon(part.exterior).area >= config.smallest_part_m2
-    ]
-    return MultiPolygon(parts)
+        contour = MultiPolygon([*pieces[is_valid], *mended.geoms])
+        if not contour.is_valid:
+            contour = as_multipolygon(shapely.make_valid(contour))
+    simple = as_multipolygon(contour.simplify(config.simplify_m, preserve_topology=True))
+    pieces = shapely.get_parts(simple)
+    whole = shapely.polygons(shapely.get_exterior_ring(pieces)) if len(pieces) else pieces
+    kept = shapely.area(whole) >= config.smallest_part_m2
+    n_holes = shapely.get_num_interior_rings(pieces)
+    return MultiPolygon(
+        [
+            without_pinholes(piece, config.smallest_hole_m2) if holes else piece
+            for piece, holes in zip(pieces[kept], n_holes[kept], strict=True)
+        ]
+    )
+
+
+def without_pinholes(polygon: Polygon, smallest_m2: float) -> Polygon:
+    """The polygon with its larger holes only."""
+    holes = np.array(polygon.interiors, dtype=object)
+    large = shapely.area(shapely.polygons(holes)) >= smallest_m2
+    return polygon if large.all() else Polygon(polygon.exterior, list(holes[large]))
 
 
 def _cast(

@@ -22,7 +22,7 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True)
 class LocalPlanes:
-    """Per pixel the plane of its neighbourhood, in the camera frame.
+    """Per cell, every so many pixels, the plane of its neighbourhood, in the camera frame.
 
     Attributes:
         inverse_depth: `(h, w)` float32; q in 1/m as measured, 0 where unknown.
@@ -53,22 +53,27 @@ def lateral_sigma_px(camera: Camera, noise: DepthNoiseConfig) -> float:
 
 
 def fit_local_planes(
-    depth_m: Image, camera: Camera, config: NormalsConfig, noise: DepthNoiseConfig
+    depth_m: Image,
+    camera: Camera,
+    config: NormalsConfig,
+    noise: DepthNoiseConfig,
+    step_px: int = 1,
 ) -> LocalPlanes:
-    """The local plane of every pixel that has one.
+    """The local plane of every cell that has one, by all pixels around it.
 
     Args:
         depth_m: `(h, w)` float32; metres, 0 where unknown.
         camera: the depth camera.
         config: window sizes and the limit on the residual.
         noise: what residual is to be expected.
+        step_px: one cell per so many pixels in both directions.
     """
     valid = depth_m > 0.0
     q = np.divide(1.0, depth_m, out=np.zeros_like(depth_m), where=valid)
     lateral_px = lateral_sigma_px(camera, noise)
-    fit = _fit_windows(q, valid, config.radius_px, config, noise, lateral_px)
+    fit = _fit_windows(q, valid, config.radius_px, config, noise, lateral_px, step_px)
     if config.fine_radius_px < config.radius_px:
-        fine = _fit_windows(q, valid, config.fine_radius_px, config, noise, lateral_px)
+        fine = _fit_windows(q, valid, config.fine_radius_px, config, noise, lateral_px, step_px)
         use_fine = fine.is_planar & ~fit.is_planar
         for coarse_part, fine_part in (
             (fit.slope_u, fine.slope_u),
@@ -77,8 +82,8 @@ def fit_local_planes(
             (fit.is_planar, fine.is_planar),
         ):
             np.copyto(coarse_part, fine_part, where=use_fine)
-    u = (np.arange(camera.width, dtype=np.float32) - camera.cx)[None, :]
-    v = (np.arange(camera.height, dtype=np.float32) - camera.cy)[:, None]
+    u = (np.arange(0, camera.width, step_px, dtype=np.float32) - camera.cx)[None, :]
+    v = (np.arange(0, camera.height, step_px, dtype=np.float32) - camera.cy)[:, None]
     coefficients = np.stack(
         [
             fit.slope_u * np.float32(camera.fx),
@@ -87,7 +92,7 @@ def fit_local_planes(
         ],
         axis=-1,
     ).astype(np.float32, copy=False)
-    return LocalPlanes(q, fit.value, coefficients, fit.is_planar)
+    return LocalPlanes(q[::step_px, ::step_px], fit.value, coefficients, fit.is_planar)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +110,7 @@ def _fit_windows(
     config: NormalsConfig,
     noise: DepthNoiseConfig,
     lateral_px: float,
+    step_px: int,
 ) -> _WindowFit:
     """Least squares q = value + slope_u du + slope_v dv over the valid pixels of each window.
 
@@ -116,7 +122,10 @@ def _fit_windows(
     weight = valid.astype(np.float32)
 
     def moment(image: Image, along_u: Image, along_v: Image) -> Image:
-        return cv2.sepFilter2D(image, cv2.CV_32F, along_u, along_v, borderType=cv2.BORDER_CONSTANT)
+        everywhere = cv2.sepFilter2D(
+            image, cv2.CV_32F, along_u, along_v, borderType=cv2.BORDER_CONSTANT
+        )
+        return np.ascontiguousarray(everywhere[::step_px, ::step_px])
 
     count = moment(weight, one, one)
     per_count = 1.0 / np.maximum(count, 1.0)
@@ -132,7 +141,11 @@ def _fit_windows(
 
     determinant = var_u * var_v - cov_uv * cov_uv
     # Half of a full window's spread in either direction: thinner strips do not fix a normal.
-    enough = valid & (count >= config.filled_share * one.size**2) & (determinant > 1e-3 * radius**4)
+    enough = (
+        valid[::step_px, ::step_px]
+        & (count >= config.filled_share * one.size**2)
+        & (determinant > 1e-3 * radius**4)
+    )
     determinant[~enough] = 1.0
     slope_u = (cov_uq * var_v - cov_vq * cov_uv) / determinant
     slope_v = (cov_vq * var_u - cov_uq * cov_uv) / determinant

@@ -21,6 +21,12 @@ from fluentboard_modules.mapping.existence import (
     probability,
 )
 from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
+from fluentboard_modules.mapping.plane_kernels import (
+    NOT_JUDGED,
+    SEEN,
+    SEEN_THROUGH,
+    look_at_cells,
+)
 
 _NEAREST_M = 0.3  # nearer to the sensor nothing is judged
 _MARGIN_CELLS = 16  # grown on every side when the grid is too small, so that it rarely is
@@ -303,55 +309,42 @@ class MapPlane:
             tolerance_m: how far behind the plane a measurement must be to prove it absent.
             seen: cells that this frame's own regions hit; these are not judged again.
         """
-        rows, columns = np.nonzero(self.hits)
-        if rows.size == 0:
+        if not self.hits.any():
             return Visibility(0, 0, 0)
         # The plane is affine in column and row, and so is its image in the camera frame.
         a, b, c = self.fit
         cell = self.config.cell_m
         T_sensor_grid = T_sensor_map.matrix @ self.T_map_grid.matrix
         x, y = (self.corner[0] + 0.5) * cell, (self.corner[1] + 0.5) * cell
-        first = (T_sensor_grid @ (x, y, a * x + b * y + c, 1.0))[:3].astype(np.float32)
+        first = (T_sensor_grid @ (x, y, a * x + b * y + c, 1.0))[:3]
         along = cell * np.array([[1.0, 0.0, a], [0.0, 1.0, b]]) @ T_sensor_grid[:3, :3].T
-        in_camera = first + np.column_stack([columns, rows]).astype(np.float32) @ along.astype(
-            np.float32
-        )
-        camera = frame.camera
-        depth = np.maximum(in_camera[:, 2], _NEAREST_M)
-        u = np.rint(in_camera[:, 0] / depth * np.float32(camera.fx) + np.float32(camera.cx))
-        v = np.rint(in_camera[:, 1] / depth * np.float32(camera.fy) + np.float32(camera.cy))
-        in_view = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        in_view &= in_camera[:, 2] > _NEAREST_M
-        rows, columns, depth, in_camera = (
-            rows[in_view],
-            columns[in_view],
-            depth[in_view],
-            in_camera[in_view],
-        )
-        measured = frame.depth_m[v[in_view].astype(int), u[in_view].astype(int)]
-        # How far the measured point lies behind the plane: along the ray it is measured - depth,
-        # and the ray meets the plane at an angle.
-        normal = np.cross(along[0], along[1]) / cell**2
-        normal = (normal / np.linalg.norm(normal)).astype(np.float32)
-        behind = (measured - depth) * np.abs(in_camera @ normal) / depth
-        known = measured > 0.0
-        through = known & (behind > tolerance_m)
+        normal = np.cross(along[0], along[1])
         hit = np.zeros(self.hits.shape, dtype=np.bool_)
         if seen is not None and len(seen):
             local = seen - self.corner
             hit[local[:, 1], local[:, 0]] = True
-        is_hit = hit[rows, columns]
-        through &= ~is_hit
-        self.misses[rows[through], columns[through]] += 1
+        camera = frame.camera
+        state = look_at_cells(
+            self.hits > 0,
+            hit,
+            first.astype(np.float32),
+            along.astype(np.float32),
+            (normal / np.linalg.norm(normal)).astype(np.float32),
+            frame.depth_m,
+            np.array([camera.fx, camera.fy, camera.cx, camera.cy], dtype=np.float32),
+            tolerance_m,
+            _NEAREST_M,
+        )
+        through = state == SEEN_THROUGH
         if through.any():
+            self.misses[through] += 1
             self._solid = None
         self._halve_old_counts()
-        solid = self.solid[rows, columns]
-        open_to_view = is_hit | (known & (behind >= -tolerance_m))
+        solid = self.solid
         return Visibility(
-            seen=int(np.count_nonzero(is_hit & solid)),
+            seen=int(np.count_nonzero((state == SEEN) & solid)),
             seen_through=int(np.count_nonzero(through & solid)),
-            expected=int(np.count_nonzero(open_to_view & solid)),
+            expected=int(np.count_nonzero((state != NOT_JUDGED) & solid)),
         )
 
     def _halve_old_counts(self) -> None:

@@ -18,6 +18,12 @@ from scipy.sparse.csgraph import connected_components
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.sensor_frame import Camera
+from fluentboard_modules.mapping.cell_kernels import (
+    best_plane,
+    is_on_plane,
+    label_moments,
+    member_moments,
+)
 from fluentboard_modules.mapping.config import DepthNoiseConfig, SegmentationConfig
 from fluentboard_modules.mapping.normals import LocalPlanes, depth_tolerance_m, lateral_sigma_px
 
@@ -77,13 +83,13 @@ class Segments:
 def make_cells(
     local: LocalPlanes, camera: Camera, noise: DepthNoiseConfig, range_max_m: float, step_px: int
 ) -> Cells:
-    """Every `step_px`-th pixel, up to the range limit."""
+    """The cells of local planes, one every `step_px` pixels, up to the range limit."""
     grid = (slice(None, None, step_px), slice(None, None, step_px))
-    q = local.inverse_depth[grid].copy()
+    q = local.inverse_depth.copy()
     q[q < 1.0 / range_max_m] = 0.0
-    smooth = local.smooth_inverse_depth[grid]
-    is_planar = local.is_planar[grid] & (q > 0.0) & (smooth * range_max_m > 0.9)
-    coefficients = local.coefficients[grid]
+    smooth = local.smooth_inverse_depth
+    is_planar = local.is_planar & (q > 0.0) & (smooth * range_max_m > 0.9)
+    coefficients = local.coefficients
     length = np.linalg.norm(coefficients, axis=-1, keepdims=True)
     # m points from the camera to the plane, the visible side looks back.
     normals = -coefficients / np.maximum(length, 1e-9)
@@ -116,18 +122,13 @@ def segment_planes(cells: Cells, config: SegmentationConfig) -> Segments:
 
 def summarise(cells: Cells, labels: NDArray[np.int32], n_segments: int) -> Segments:
     """Counts, moments and fitted planes of labelled cells."""
-    member = np.flatnonzero(labels.ravel() >= 0)
-    label = labels.ravel()[member]
-    rays = cells.rays.reshape(-1, 3)[member].astype(np.float64)
-    q = cells.inverse_depth.ravel()[member].astype(np.float64)
-    weight = 1.0 / cells.tolerance.ravel()[member].astype(np.float64) ** 2
-    column = np.column_stack([rays, q])
-    moments = np.zeros((n_segments, 4, 4))
-    for i in range(4):
-        for j in range(i, 4):
-            sums = np.bincount(label, weight * column[:, i] * column[:, j], minlength=n_segments)
-            moments[:, i, j] = moments[:, j, i] = sums
-    counts = np.bincount(label, minlength=n_segments)
+    moments, counts = label_moments(
+        labels.ravel(),
+        cells.rays.reshape(-1, 3),
+        cells.inverse_depth.ravel(),
+        cells.tolerance.ravel(),
+        n_segments,
+    )
     return Segments(labels, fit_planes(moments), moments, counts)
 
 
@@ -225,7 +226,7 @@ def _split_bent(
     """
     n_components = int(labels.max(initial=_NO_SEGMENT)) + 1
     segments = summarise(cells, labels, n_components)
-    cos_limit = np.cos(np.deg2rad(config.grow_angle_deg))
+    cos_limit = float(np.cos(np.deg2rad(config.grow_angle_deg)))
     flat_labels = labels.ravel()
     order = np.argsort(flat_labels, kind="stable")
     starts = np.searchsorted(flat_labels[order], np.arange(n_components + 1))
@@ -238,9 +239,8 @@ def _split_bent(
     n_found = 0
 
     def is_inlier(member: NDArray[np.int64], plane: FloatArray) -> NDArray[np.bool_]:
-        normal = (-plane / np.linalg.norm(plane)).astype(np.float32)
-        near = np.abs(rays[member] @ plane.astype(np.float32) - q[member]) < limit[member]
-        return near & (normals[member] @ normal > cos_limit)
+        planes, unit = _with_normals(plane[None])
+        return is_on_plane(member, planes[0], unit[0], rays, q, limit, normals, cos_limit)
 
     for component in range(n_components):
         rest = order[starts[component] : starts[component + 1]]
@@ -248,10 +248,10 @@ def _split_bent(
         while rest.size >= config.seed_cells:
             inlier = is_inlier(rest, plane)
             if inlier.mean() < config.planar_share:
-                candidates = local[rest[:: max(1, rest.size // 16)]]
-                inlier = max(
-                    (is_inlier(rest, candidate) for candidate in candidates),
-                    key=np.count_nonzero,
+                planes, unit = _with_normals(local[rest[:: max(1, rest.size // 16)]])
+                best = best_plane(rest, planes, unit, rays, q, limit, normals, cos_limit)
+                inlier = is_on_plane(
+                    rest, planes[best], unit[best], rays, q, limit, normals, cos_limit
                 )
                 for _ in range(2):  # refit on the inliers; twice is enough to settle
                     inlier = is_inlier(rest, _fit_cells(cells, rest[inlier]))
@@ -271,10 +271,16 @@ def _split_bent(
 def _fit_cells(cells: Cells, member: NDArray[np.int64]) -> FloatArray:
     if member.size == 0:
         return np.array([0.0, 0.0, 1.0])
-    rays = cells.rays.reshape(-1, 3)[member].astype(np.float64)
-    weight = 1.0 / cells.tolerance.ravel()[member].astype(np.float64)
-    column = np.column_stack([rays, cells.inverse_depth.ravel()[member]]) * weight[:, None]
-    return fit_planes((column.T @ column)[None])[0]
+    moments = member_moments(
+        member, cells.rays.reshape(-1, 3), cells.inverse_depth.ravel(), cells.tolerance.ravel()
+    )
+    return fit_planes(moments[None])[0]
+
+
+def _with_normals(planes: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Planes m `(n, 3)` and their unit normals towards the camera, as the kernels want them."""
+    unit = -planes / np.linalg.norm(planes, axis=1, keepdims=True)
+    return planes.astype(np.float32), unit.astype(np.float32)
 
 
 def _merge_neighbours(

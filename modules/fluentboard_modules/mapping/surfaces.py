@@ -49,7 +49,9 @@ def detect_regions(frame: SensorFrame, config: SurfacesConfig) -> list[PlanarReg
     depth_m = np.where(frame.valid, frame.depth_m, np.float32(0.0)).astype(np.float32, copy=False)
     if not depth_m.any():
         return []
-    local = fit_local_planes(depth_m, frame.camera, config.normals, config.noise)
+    local = fit_local_planes(
+        depth_m, frame.camera, config.normals, config.noise, config.segmentation.step_px
+    )
     cells = make_cells(
         local, frame.camera, config.noise, config.range_max_m, config.segmentation.step_px
     )

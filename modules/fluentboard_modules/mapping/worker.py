@@ -134,7 +134,7 @@ class MappingModule:
     def process(self, frame: SensorFrame) -> Sequence[Command]:
         """What a frame changes about the furniture."""
         regions = detect_regions(frame, self._config.surfaces)
-        self._map.update(frame, regions, self._rules.classify(regions))
+        self._map.update(frame, regions, self._rules.classify(regions, explain=False))
         unseen = [known.name for known in self._fluents.remembered]
         gone = self._places.look(frame, unseen) if self._places is not None else set()
         self._first_s = frame.stamp_s if self._first_s is None else self._first_s

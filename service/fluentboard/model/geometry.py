@@ -25,6 +25,27 @@ def _finite(name: str, values: Sequence[float]) -> None:
             raise InvalidGeometry(f"{name} holds {value}; every coordinate must be a finite number")
 
 
+_LAST_ROW = (0.0, 0.0, 0.0, 1.0)
+
+
+def _is_rotation(rows: Sequence[Sequence[float]], tolerance: float) -> bool:
+    """Whether three rows are orthonormal and right-handed.
+
+    Plain arithmetic: transforms are made by the thousand, and numpy takes longer to begin.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    off = max(
+        abs(a * a + b * b + c * c - 1.0),
+        abs(d * d + e * e + f * f - 1.0),
+        abs(g * g + h * h + i * i - 1.0),
+        abs(a * d + b * e + c * f),
+        abs(a * g + b * h + c * i),
+        abs(d * g + e * h + f * i),
+    )
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return off <= tolerance and determinant > 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Transform:
     """A rigid motion, `p_target = rotation @ p_source + translation`.
@@ -46,17 +67,24 @@ class Transform:
             raise InvalidGeometry("a transform holds NaN or infinity; every entry must be finite")
         rotation = matrix[:3, :3]
         # 1e-3 admits matrices printed with four digits, as recordings often are.
-        rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
-        if not rigid or np.linalg.det(rotation) < 0.0:
+        if not _is_rotation(rotation.tolist(), 1e-3):
             raise InvalidGeometry(
                 "the upper left 3x3 block of a transform is not a rotation "
                 f"(determinant {np.linalg.det(rotation):.4f}); remove scale, shear and mirroring"
             )
-        if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-6):
+        if max(abs(a - b) for a, b in zip(matrix[3].tolist(), _LAST_ROW, strict=True)) > 1e-6:
             raise InvalidGeometry(f"the last row of a transform is 0 0 0 1, got {matrix[3]}")
         matrix = matrix.copy()
         matrix.setflags(write=False)
         object.__setattr__(self, "matrix", matrix)
+
+    @classmethod
+    def _known_rigid(cls, matrix: FloatArray) -> Transform:
+        """A transform of a matrix that follows from valid ones: nothing is checked or copied."""
+        transform = object.__new__(cls)
+        matrix.setflags(write=False)
+        object.__setattr__(transform, "matrix", matrix)
+        return transform
 
     @classmethod
     def identity(cls) -> Transform:
@@ -91,11 +119,13 @@ class Transform:
 
     def inverse(self) -> Transform:
         """The motion back: `T_a_b.inverse()` is `T_b_a`."""
-        back = self.rotation.T
-        return Transform.from_parts(back, -back @ self.translation)
+        back = np.eye(4)
+        back[:3, :3] = self.rotation.T
+        back[:3, 3] = -back[:3, :3] @ self.translation
+        return Transform._known_rigid(back)
 
     def __matmul__(self, other: Transform) -> Transform:
-        return Transform(self.matrix @ other.matrix)
+        return Transform._known_rigid(self.matrix @ other.matrix)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Transform):
