@@ -7,16 +7,21 @@ all pairs at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.search import route_kernels as kernels
+from fluentboard_modules.search.route_sweeps import SweepGraph
 from fluentboard_modules.simulation.navigation import INSCRIBED, Costmap, cell_prices
 from fluentboard_modules.simulation.robots import DRIVES_FROM_M, RobotModel, View
 
 _LEAST_PRICE = 50.0  # navfn's cost of a free cell
+_SWEPT_FROM = 6  # sources
+_SWEPT_CELLS_MAX = 400_000  # 1,000 m2 of free floor at 5 cm: 51 MB of costs
+_SWEEPS_MAX = 60  # of some ten in rooms; about what the search by buckets takes
 
 
 class Routes:
@@ -46,25 +51,44 @@ class Routes:
         if self._clusters is not None:
             group = _clustered(places, cell >= 0, self._clusters)
         chosen, number = np.unique(cell[group], return_inverse=True)
-        table = np.full((len(chosen), len(chosen)), np.inf)
         first = int(np.searchsorted(chosen, 0))  # what is not free comes before
-        kernels.path_cost_table(
-            self._price, self._columns, chosen[first:], _LEAST_PRICE, self._buckets,
-            self._price.size, table[first:, first:],
-        )  # fmt: skip
+        free = chosen[first:]
+        table = np.full((len(chosen), len(chosen)), np.inf)
+        swept = self._swept(free, free)
+        if swept is None:
+            kernels.path_cost_table(
+                self._price, self._columns, free, _LEAST_PRICE, self._buckets, self._price.size,
+                table[first:, first:],
+            )  # fmt: skip
+        else:
+            # There and back the same costs are added up in another order.
+            table[first:, first:] = np.minimum(swept, swept.T)
         return table[np.ix_(number, number)]
 
     def between(self, sources: FloatArray, goals: FloatArray) -> FloatArray:
         """`(n, m)`; costs of the ways from places `(n, 2)` to places `(m, 2)`."""
         start, goal = self._cells(sources), self._cells(goals)
         table = np.full((len(start), len(goal)), np.inf)
-        kernels.path_costs_between(
-            self._price, self._columns, np.maximum(start, 0), np.maximum(goal, 0), _LEAST_PRICE,
-            self._buckets, self._price.size, table,
-        )  # fmt: skip
-        table[start < 0] = np.inf
-        table[:, goal < 0] = np.inf
+        here, there = np.flatnonzero(start >= 0), np.flatnonzero(goal >= 0)
+        swept = self._swept(start[here], goal[there])
+        if swept is None:
+            swept = np.full((len(here), len(there)), np.inf)
+            kernels.path_costs_between(
+                self._price, self._columns, start[here], goal[there], _LEAST_PRICE, self._buckets,
+                self._price.size, swept,
+            )  # fmt: skip
+        table[np.ix_(here, there)] = swept
         return table
+
+    def _swept(self, sources: NDArray[np.int64], goals: NDArray[np.int64]) -> FloatArray | None:
+        """Costs by sweeps; None where buckets are better: few sources, large maps, mazes."""
+        if len(sources) < _SWEPT_FROM or self._graph.size > _SWEPT_CELLS_MAX:
+            return None
+        return self._graph.costs(sources, goals, _SWEEPS_MAX)
+
+    @cached_property
+    def _graph(self) -> SweepGraph:
+        return SweepGraph(self._price.reshape(-1, self._columns))
 
     def _cells(self, places: FloatArray) -> NDArray[np.int64]:
         """`(n,)`; numbers of the cells of places, -1 where the base cannot stand."""
