@@ -18,8 +18,8 @@ import numpy as np
 from fluentboard_modules.search.occupancy_kernels import (
     block_at,
     make_block,
-    sign,
 )
+from fluentboard_modules.search.ray_kernels import sign
 
 FREE_MARK, HIT_MARK, SEEN_MARK = 1, 2, 4
 NO_POINT = np.iinfo(np.int32).min

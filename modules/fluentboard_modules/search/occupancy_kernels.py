@@ -3,8 +3,7 @@
 A map is a directory, an `(nx, ny, nz)` int32 array of block numbers (-1: no block), whose first
 entry is the block at `low`; and per block 512 log-odds, NaN where the cell is unknown. Cell
 (i, j, k) is the cube from i * resolution to (i + 1) * resolution along x, and so on: these are
-OctoMap's keys without their offset. All loops here visit the cells of a ray in the order of
-Amanatides and Woo (1987).
+OctoMap's keys without their offset.
 """
 
 from __future__ import annotations
@@ -15,6 +14,8 @@ from typing import Any
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from fluentboard_modules.search.ray_kernels import along_axis, next_block, next_cell
 
 MISS, HIT, UNKNOWN_MET, OUT_OF_RANGE = 0, 1, 2, 3
 
@@ -54,34 +55,6 @@ def make_block(
 
 
 @_jit
-def first_border(origin: float, direction: float, cell: int, resolution: float) -> float:
-    """Length along a ray to the first border of its cell on one axis."""
-    if direction > 0.0:
-        return ((cell + 1) * resolution - origin) / direction
-    if direction < 0.0:
-        return (cell * resolution - origin) / direction
-    return np.inf
-
-
-@_jit
-def sign(value: float) -> int:
-    """-1, 0 or 1."""
-    return 1 if value > 0.0 else (-1 if value < 0.0 else 0)
-
-
-@_jit
-def cells_to_border(cell: int, step: int) -> int:
-    """How many steps lead from a cell out of its block along one axis."""
-    return 8 - (cell & 7) if step > 0 else (cell & 7) + 1
-
-
-@_jit
-def steps_before(length: float, border: float, delta: float) -> int:
-    """How many borders of one axis a ray has crossed by a length."""
-    return 0 if length < border else int((length - border) / delta) + 1
-
-
-@_jit
 def summarise(log_odds: Any, summary: Any) -> None:
     """Per block: bit 1 if a cell is occupied, bit 2 if one is unknown."""
     for b in range(log_odds.shape[0]):
@@ -111,23 +84,15 @@ def cast(
     outcome: Any,
 ) -> None:
     """The first occupied cell along each ray; see `OccupancyMap.cast_rays`."""
+    per_metre = 1.0 / resolution
     for n in range(origins.shape[0]):
         ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
         ux, uy, uz = directions[n, 0], directions[n, 1], directions[n, 2]
-        norm = math.sqrt(ux * ux + uy * uy + uz * uz)
-        ux, uy, uz = ux / norm, uy / norm, uz / norm
-        x, y, z = (
-            math.floor(ox / resolution),
-            math.floor(oy / resolution),
-            math.floor(oz / resolution),
-        )
-        sx, sy, sz = sign(ux), sign(uy), sign(uz)
-        tx = first_border(ox, ux, x, resolution)
-        ty = first_border(oy, uy, y, resolution)
-        tz = first_border(oz, uz, z, resolution)
-        dx = resolution / abs(ux) if sx != 0 else np.inf
-        dy = resolution / abs(uy) if sy != 0 else np.inf
-        dz = resolution / abs(uz) if sz != 0 else np.inf
+        unit = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
+        ux, uy, uz = ux * unit, uy * unit, uz * unit
+        x, sx, tx, dx, ix = along_axis(ox, ux, resolution, per_metre)
+        y, sy, ty, dy, iy = along_axis(oy, uy, resolution, per_metre)
+        z, sz, tz, dz, iz = along_axis(oz, uz, resolution, per_metre)
         travelled = 0.0
         outcome[n] = OUT_OF_RANGE
         bx, by, bz = x >> 3, y >> 3, z >> 3
@@ -138,22 +103,9 @@ def cast(
                 content |= 1
             if content & 1 == 0:
                 # Nothing to meet in the whole block: leave it at once.
-                ex = tx + (cells_to_border(x, sx) - 1) * dx if sx != 0 else np.inf
-                ey = ty + (cells_to_border(y, sy) - 1) * dy if sy != 0 else np.inf
-                ez = tz + (cells_to_border(z, sz) - 1) * dz if sz != 0 else np.inf
-                travelled = min(ex, ey, ez)
-                kx = cells_to_border(x, sx) if ex == travelled else steps_before(travelled, tx, dx)
-                ky = cells_to_border(y, sy) if ey == travelled else steps_before(travelled, ty, dy)
-                kz = cells_to_border(z, sz) if ez == travelled else steps_before(travelled, tz, dz)
-                if kx > 0:
-                    x += sx * kx
-                    tx += kx * dx
-                if ky > 0:
-                    y += sy * ky
-                    ty += ky * dy
-                if kz > 0:
-                    z += sz * kz
-                    tz += kz * dz
+                x, y, z, tx, ty, tz, travelled = next_block(
+                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz, ix, iy, iz
+                )
             else:
                 value = np.float32(np.nan)
                 if b >= 0:
@@ -164,18 +116,9 @@ def cast(
                 if value != value and not ignore_unknown:
                     outcome[n] = UNKNOWN_MET
                     break
-                if tx < ty and tx < tz:
-                    travelled = tx
-                    x += sx
-                    tx += dx
-                elif ty < tz and not tx < ty:
-                    travelled = ty
-                    y += sy
-                    ty += dy
-                else:
-                    travelled = tz
-                    z += sz
-                    tz += dz
+                x, y, z, tx, ty, tz, travelled = next_cell(
+                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz
+                )
             if x >> 3 != bx or y >> 3 != by or z >> 3 != bz:
                 bx, by, bz = x >> 3, y >> 3, z >> 3
                 b = block_at(directory, low, bx, by, bz)

@@ -11,12 +11,9 @@ import numpy as np
 from fluentboard_modules.search.occupancy_kernels import (
     block_at,
     cell_in_block,
-    cells_to_border,
-    first_border,
-    sign,
-    steps_before,
 )
 from fluentboard_modules.search.plan_kernels import uniform
+from fluentboard_modules.search.ray_kernels import along_axis, next_block, next_cell
 
 _jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -170,12 +167,34 @@ def number_cells(directory: Any, low: Any, cells: Any, numbers: Any, numbering: 
 
 
 @_jit
+def _reach_of(
+    ox: float, oy: float, oz: float, ux: float, uy: float, uz: float, boxes: Any, limit: float
+) -> float:
+    """Length of a ray to where it leaves the last of some boxes; 0 if it passes none."""
+    # No infinity, whose product with 0 would be no number.
+    ix = 1.0 / ux if ux != 0.0 else 1e300
+    iy = 1.0 / uy if uy != 0.0 else 1e300
+    iz = 1.0 / uz if uz != 0.0 else 1e300
+    reach = 0.0
+    for n in range(boxes.shape[0]):
+        ax, bx = (boxes[n, 0] - ox) * ix, (boxes[n, 3] - ox) * ix
+        ay, by = (boxes[n, 1] - oy) * iy, (boxes[n, 4] - oy) * iy
+        az, bz = (boxes[n, 2] - oz) * iz, (boxes[n, 5] - oz) * iz
+        enter = max(0.0, min(ax, bx), min(ay, by), min(az, bz))
+        leave = min(limit, max(ax, bx), max(ay, by), max(az, bz))
+        if enter <= leave:
+            reach = max(reach, leave)
+    return reach
+
+
+@_jit
 def reveal(
     origin: Any,
     rotation: Any,
     rays: Any,
     range_min: float,
     range_max: float,
+    boxes: Any,
     unknown_max: int,
     resolution: float,
     directory: Any,
@@ -197,6 +216,8 @@ def reveal(
         rays: `(n, 3)`; unit directions in the sensor frame.
         range_min: nearer cells are not seen.
         range_max: how far rays go.
+        boxes: `(m, 6)`; low and high corners of boxes that hold all wanted cells: rays end behind
+            the last of those they pass, and what passes none of them is no ray.
         unknown_max: how many unknown cells a ray passes.
         resolution: of the map.
         directory: of the map.
@@ -213,47 +234,29 @@ def reveal(
     """
     count = 0
     ox, oy, oz = origin[0], origin[1], origin[2]
-    x0 = math.floor(ox / resolution)
-    y0 = math.floor(oy / resolution)
-    z0 = math.floor(oz / resolution)
-    b0 = block_at(directory, low, x0 >> 3, y0 >> 3, z0 >> 3)
+    per_metre = 1.0 / resolution
     limited = unknown_max < 1_000_000
     for r in range(rays.shape[0]):
         ux = rotation[0, 0] * rays[r, 0] + rotation[0, 1] * rays[r, 1] + rotation[0, 2] * rays[r, 2]
         uy = rotation[1, 0] * rays[r, 0] + rotation[1, 1] * rays[r, 1] + rotation[1, 2] * rays[r, 2]
         uz = rotation[2, 0] * rays[r, 0] + rotation[2, 1] * rays[r, 1] + rotation[2, 2] * rays[r, 2]
-        x, y, z = x0, y0, z0
-        sx, sy, sz = sign(ux), sign(uy), sign(uz)
-        tx = first_border(ox, ux, x, resolution)
-        ty = first_border(oy, uy, y, resolution)
-        tz = first_border(oz, uz, z, resolution)
-        dx = resolution / abs(ux) if sx != 0 else np.inf
-        dy = resolution / abs(uy) if sy != 0 else np.inf
-        dz = resolution / abs(uz) if sz != 0 else np.inf
+        reach = _reach_of(ox, oy, oz, ux, uy, uz, boxes, range_max)
+        if reach <= 0.0:
+            continue
+        x, sx, tx, dx, ix = along_axis(ox, ux, resolution, per_metre)
+        y, sy, ty, dy, iy = along_axis(oy, uy, resolution, per_metre)
+        z, sz, tz, dz, iz = along_axis(oz, uz, resolution, per_metre)
         bx, by, bz = x >> 3, y >> 3, z >> 3
-        b = b0
+        b = block_at(directory, low, bx, by, bz)
         travelled = 0.0
         passed = 0
-        while travelled <= range_max:
+        while travelled <= reach:
             inside = UNKNOWN_BIT if b < 0 else content[b]
             if inside & (OCCUPIED_BIT | WANTED_BIT) == 0 and not (limited and inside & UNKNOWN_BIT):
                 # Nothing to stop at and nothing to see: leave the block at once.
-                ex = tx + (cells_to_border(x, sx) - 1) * dx if sx != 0 else np.inf
-                ey = ty + (cells_to_border(y, sy) - 1) * dy if sy != 0 else np.inf
-                ez = tz + (cells_to_border(z, sz) - 1) * dz if sz != 0 else np.inf
-                travelled = min(ex, ey, ez)
-                kx = cells_to_border(x, sx) if ex == travelled else steps_before(travelled, tx, dx)
-                ky = cells_to_border(y, sy) if ey == travelled else steps_before(travelled, ty, dy)
-                kz = cells_to_border(z, sz) if ez == travelled else steps_before(travelled, tz, dz)
-                if kx > 0:
-                    x += sx * kx
-                    tx += kx * dx
-                if ky > 0:
-                    y += sy * ky
-                    ty += ky * dy
-                if kz > 0:
-                    z += sz * kz
-                    tz += kz * dz
+                x, y, z, tx, ty, tz, travelled = next_block(
+                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz, ix, iy, iz
+                )
             else:
                 if b >= 0:
                     c = cell_in_block(x, y, z)
@@ -271,18 +274,9 @@ def reveal(
                     passed += 1
                 if passed > unknown_max:
                     break
-                if tx < ty and tx < tz:
-                    travelled = tx
-                    x += sx
-                    tx += dx
-                elif ty < tz and not tx < ty:
-                    travelled = ty
-                    y += sy
-                    ty += dy
-                else:
-                    travelled = tz
-                    z += sz
-                    tz += dz
+                x, y, z, tx, ty, tz, travelled = next_cell(
+                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz
+                )
             if x >> 3 != bx or y >> 3 != by or z >> 3 != bz:
                 bx, by, bz = x >> 3, y >> 3, z >> 3
                 b = block_at(directory, low, bx, by, bz)

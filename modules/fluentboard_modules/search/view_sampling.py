@@ -92,6 +92,7 @@ class VisibleCells:
             self._numbers,
             wanted,
         )
+        self._boxes = _boxes_around(region, wanted, occupancy.resolution_m)
         self._content = np.zeros(blocks, np.uint8)
         kernels.block_content(occupancy.log_odds, self._numbers, self._content)
         self._stamp = np.zeros(len(region.cells), np.int64)
@@ -112,6 +113,7 @@ class VisibleCells:
             self._rays,
             near,
             far,
+            self._boxes,
             self._unknown_max,
             self._occupancy.resolution_m,
             self._occupancy.directory,
@@ -199,6 +201,20 @@ def sample_views(
         if time.perf_counter() - begun > config.time_limit_s:
             break
     return SampledViews.joined(chosen, each)
+
+
+def _boxes_around(region: Region, wanted: NDArray[np.int32], resolution_m: float) -> FloatArray:
+    """`(m, 6)`; low and high corners of boxes, one for each volume, that hold its wanted cells."""
+    is_wanted = np.zeros(len(region.cells), np.bool_)
+    is_wanted[wanted] = True
+    corners: list[FloatArray] = []
+    for members in region.members:
+        cells = region.cells[members[is_wanted[members]]]
+        if len(cells):
+            # Half a cell wider, so that rounding plays no part.
+            low, high = cells.min(axis=0) - 0.5, cells.max(axis=0) + 1.5
+            corners.append(np.concatenate([low, high]) * resolution_m)
+    return np.array(corners).reshape(-1, 6)
 
 
 def _ray_bundle(model: RobotModel, rays: tuple[int, int]) -> FloatArray:

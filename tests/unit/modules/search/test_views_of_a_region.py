@@ -11,7 +11,7 @@ from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.search.config import ViewSamplingConfig
 from fluentboard_modules.search.frontiers import frontiers_of
-from fluentboard_modules.search.occupancy import OccupancyMap
+from fluentboard_modules.search.occupancy import OCCUPIED, OccupancyMap
 from fluentboard_modules.search.region import (
     Region,
     SearchVolume,
@@ -164,6 +164,37 @@ def test_views_obey_the_robot(
         assert (
             np.abs(seen[:, 0] / seen[:, 2]) < math.tan(model.horizontal_fov_rad / 2) + 0.1
         ).all()
+
+
+@pytest.mark.parametrize("yaw_rad", [-0.5, 0.0, 0.3])
+def test_a_view_reveals_the_cells_that_its_rays_pass(
+    occupancy: OccupancyMap, yaw_rad: float
+) -> None:
+    """Rays sampled every 2 mm, with no box around the volumes and no block, find the same."""
+    shelf = BoundingBox(Pose.from_rpy(4.1, 4.2, 1.2, yaw=1.0), 0.4, 0.5, 0.6)
+    occupancy.reset(shelf)
+    region = region_of(
+        occupancy, [SearchVolume("on table", TABLE, 0.2), SearchVolume("shelf", shelf, 0.1)]
+    )
+    columns, rows = 16, 12
+    view = View(1.5, 3.0, yaw_rad, 0.0, 0.0, 0.3)
+    revealed = VisibleCells(region, occupancy, PR2, ViewSamplingConfig(rays=(columns, rows)))
+    found = set(map(tuple, region.cells[revealed.of(view)].tolist()))
+    across = math.tan(0.5 * PR2.horizontal_fov_rad) * ((2 * np.arange(columns) + 1) / columns - 1)
+    down = math.tan(0.5 * PR2.vertical_fov_rad) * ((2 * np.arange(rows) + 1) / rows - 1)
+    x, y = np.meshgrid(across, down)
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    lengths = np.arange(*PR2.range_m, 0.002)
+    T_map_sensor = PR2.T_map_sensor(view)
+    cells = occupancy.cells_of(T_map_sensor.apply(rays[:, None] * lengths[:, None]))
+    states = occupancy.states(cells).reshape(len(rays), -1)
+    is_seen = np.cumsum(states == OCCUPIED, axis=1) == 0
+    is_inside = {tuple(c) for c in region.cells[region.unknown(occupancy)].tolist()}
+    passed = set(map(tuple, cells.reshape(*states.shape, 3)[is_seen].tolist())) & is_inside
+    assert passed <= found
+    assert len(found) < 1.05 * len(passed)  # a corner that a ray cuts by less than 2 mm
+    assert len(passed) > 50
 
 
 def test_nothing_behind_an_obstacle_is_expected_to_be_seen(
