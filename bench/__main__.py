@@ -18,6 +18,7 @@ SCRIPTS = (
     "what_holds",
     "million",
     "http_service",
+    "readers",
     "subscriptions",
     "crowd",
     "kills",

@@ -7,10 +7,21 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fluentboard.api import schemas
 from fluentboard.api.exchange import Handler
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.parameters import RELATIONS
+from fluentboard.api.schemas.fluents import (
+    AssertReceipt,
+    ChangeReceipt,
+    CommandBatch,
+    CommandsReceipt,
+    EndingBody,
+    FluentBody,
+    FluentJson,
+    FluentPage,
+    History,
+    RefinementBody,
+)
 from fluentboard.errors import (
     FluentExists,
     IdempotencyConflict,
@@ -130,7 +141,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                 201: Answer(
                     "At least one fluent is new.",
                     _json(
-                        schemas.AssertReceipt,
+                        AssertReceipt,
                         {
                             "commit": 3,
                             "fluents": [{"name": "on4", "version": 3, "created": 3}],
@@ -139,7 +150,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                     ),
                     {**_COMMIT, **_VERSION, "Location": "Address of a single asserted fluent."},
                 ),
-                200: Answer("None is new.", _json(schemas.AssertReceipt), _COMMIT),
+                200: Answer("None is new.", _json(AssertReceipt), _COMMIT),
             },
             errors=(*_FLUENT_ERRORS, InvalidYaml, FluentExists, NotARefinement),
         ),
@@ -154,7 +165,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
             role="write",
             parameters=(_AUTHOR, _KEY),
             body=_json(
-                schemas.CommandBatch,
+                CommandBatch,
                 {
                     "commands": [
                         {"op": "end", "name": "on4", "finish": [119.6, 161.8], "version": 3},
@@ -167,7 +178,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                     ]
                 },
             ),
-            answers={200: Answer("What happened.", _json(schemas.CommandsReceipt), _COMMIT)},
+            answers={200: Answer("What happened.", _json(CommandsReceipt), _COMMIT)},
             errors=(
                 *_FLUENT_ERRORS,
                 FluentExists,
@@ -191,7 +202,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                     "A page.",
                     {
                         **_json(
-                            schemas.FluentPage,
+                            FluentPage,
                             {"fluents": [_MUG_TOLD], "next": None, "commit": 9},
                         ),
                         "application/yaml": Content(_TEXT, _YAML),
@@ -231,7 +242,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                 200: Answer(
                     "The fluent.",
                     {
-                        **_json(schemas.FluentJson, _MUG_TOLD),
+                        **_json(FluentJson, _MUG_TOLD),
                         "application/yaml": Content(_TEXT, _YAML),
                     },
                     _VERSION,
@@ -250,7 +261,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
             tag="fluents",
             role="write",
             parameters=(_IF_MATCH, _AUTHOR, _KEY),
-            body=_json(schemas.RefinementBody, {"finish": [119.621, 121.0]}),
+            body=_json(RefinementBody, {"finish": [119.621, 121.0]}),
             answers={200: _change()},
             errors=(*_FLUENT_ERRORS, UnknownFluent, NotARefinement, VersionMismatch),
         ),
@@ -264,7 +275,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
             tag="fluents",
             role="write",
             parameters=(_IF_MATCH, _AUTHOR, _KEY),
-            body=_json(schemas.EndingBody, {"at": [119.621, 161.817]}),
+            body=_json(EndingBody, {"at": [119.621, 161.817]}),
             body_description="May be empty: the fluent ends now.",
             answers={200: _change()},
             errors=(*_FLUENT_ERRORS, UnknownFluent, NotARefinement, VersionMismatch),
@@ -285,7 +296,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                 _AUTHOR,
                 _KEY,
             ),
-            body=_json(schemas.FluentBody, _MUG),
+            body=_json(FluentBody, _MUG),
             answers={200: _change()},
             errors=(*_FLUENT_ERRORS, UnknownFluent, VersionMismatch),
         ),
@@ -300,7 +311,7 @@ def operations(handlers: Mapping[str, Handler]) -> list[Operation]:
                 200: Answer(
                     "Its changes, oldest first.",
                     _json(
-                        schemas.History,
+                        History,
                         {
                             "name": "on4",
                             "history": [
@@ -350,7 +361,7 @@ def _filters() -> tuple[Parameter, ...]:
 def _change() -> Answer:
     return Answer(
         "The fluent as it stands now.",
-        _json(schemas.ChangeReceipt, {"commit": 7, "fluent": _MUG_TOLD, "warnings": list[str]()}),
+        _json(ChangeReceipt, {"commit": 7, "fluent": _MUG_TOLD, "warnings": list[str]()}),
         {**_COMMIT, **_VERSION},
     )
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import orjson
 
-from fluentboard.api import schemas
 from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, json_reply
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.parameters import optional_number, seconds, text
+from fluentboard.api.schemas.upkeep import FrameReceipt, Sensors
 from fluentboard.board.frame_ring import FrameRing, KeptFrame, check_sensor
 from fluentboard.board.frame_settings import FrameSettings
 from fluentboard.errors import (
@@ -172,8 +172,8 @@ class FrameRoutes:
                     200: Answer(
                         "What is kept of each sensor.",
                         {
-                            "application/json": Content(schemas.Sensors),
-                            _EVENT_STREAM: Content(schemas.FrameReceipt),
+                            "application/json": Content(Sensors),
+                            _EVENT_STREAM: Content(FrameReceipt),
                         },
                     )
                 },
@@ -194,9 +194,7 @@ class FrameRoutes:
                     for media_type in _ACCEPTED
                 },
                 body_description="Header and images; see the reference of frames.",
-                answers={
-                    201: Answer("It is kept.", {"application/json": Content(schemas.FrameReceipt)})
-                },
+                answers={201: Answer("It is kept.", {"application/json": Content(FrameReceipt)})},
                 errors=(InvalidFrame, InvalidName, TooLarge, UnsupportedMediaType, StorageFailed),
             ),
             Operation(

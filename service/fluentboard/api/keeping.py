@@ -9,11 +9,12 @@ from typing import IO
 
 import orjson
 
-from fluentboard.api import parameters, schemas
+from fluentboard.api import parameters
 from fluentboard.api.exchange import Call, Reply, StreamedReply
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.results import file_chunks
+from fluentboard.api.schemas.upkeep import Audit
 from fluentboard.api.writing import commit_header
 from fluentboard.board.audit import AuditFilter
 from fluentboard.board.backup import write_backup
@@ -132,7 +133,7 @@ class KeepingRoutes:
                 answers={
                     200: Answer(
                         "The commits in order; `next` is what `after` has to be for more.",
-                        {_JSON: Content(schemas.Audit, example), _NDJSON: Content(text)},
+                        {_JSON: Content(Audit, example), _NDJSON: Content(text)},
                         {"X-Commit": "The last commit of the board."},
                     )
                 },

@@ -8,10 +8,11 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
-from fluentboard.api import parameters, schemas
+from fluentboard.api import parameters
 from fluentboard.api.exchange import Call, HeaderList, Reply, json_reply
 from fluentboard.api.negotiation import Offer, content_type, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.schemas.trajectories import TrajectoryJson
 from fluentboard.api.writing import commit_header
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.trajectory import trajectory_to_json
@@ -90,7 +91,7 @@ class ObjectRoutes:
                     200: Answer(
                         "The trajectory.",
                         {
-                            _JSON: Content(schemas.TrajectoryJson, _EXAMPLE),
+                            _JSON: Content(TrajectoryJson, _EXAMPLE),
                             _CSV: Content({"type": "string"}),
                         },
                         {"X-Commit": "The commit that it is exact at."},

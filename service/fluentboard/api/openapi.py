@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, cast
 
-from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from fluentboard.api import schemas
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.schemas import fluents, subscriptions, trajectories, upkeep
+from fluentboard.api.schemas.fluents import Schema
+from fluentboard.api.schemas.upkeep import ProblemJson
 from fluentboard.errors import (
     FluentboardError,
     InvalidInput,
@@ -171,11 +172,12 @@ def _content(content: Content) -> dict[str, Any]:
 def _schemas() -> dict[str, Any]:
     models = [
         value
-        for value in vars(schemas).values()
+        for module in (fluents, trajectories, upkeep, subscriptions)
+        for value in vars(module).values()
         if isinstance(value, type)
-        and issubclass(value, BaseModel)
-        and value.__module__ == schemas.__name__
-        and not value.__name__.startswith("_")
+        and issubclass(value, Schema | ProblemJson)
+        and value.__module__ == module.__name__
+        and value is not Schema
     ]
     _, document = models_json_schema(
         [(model, "validation") for model in models], ref_template=_REFERENCE

@@ -7,9 +7,17 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from fluentboard.api import schemas
 from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
+from fluentboard.api.schemas.subscriptions import (
+    DeadLetters,
+    Discarded,
+    DurableBody,
+    DurableSubscriptionJson,
+    Explanation,
+    PositionBody,
+    Subscriptions,
+)
 from fluentboard.errors import (
     InvalidInput,
     InvalidName,
@@ -93,7 +101,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "the same address opens a WebSocket, on which a client subscribes to queries; the "
             "messages are described in the documentation of live queries.",
             tag="live",
-            answers=_json(200, "What is subscribed to.", schemas.Subscriptions),
+            answers=_json(200, "What is subscribed to.", Subscriptions),
         ),
         Operation(
             "POST",
@@ -107,11 +115,11 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             role="write",
             body={
                 "application/json": Content(
-                    schemas.DurableBody, {"name": "mugs", "query": _MUGS, "mode": "both"}
+                    DurableBody, {"name": "mugs", "query": _MUGS, "mode": "both"}
                 )
             },
             body_description="The query, and where its messages go.",
-            answers=_json(201, "It is kept.", schemas.DurableSubscriptionJson),
+            answers=_json(201, "It is kept.", DurableSubscriptionJson),
             errors=(
                 InvalidQuery,
                 InvalidInput,
@@ -129,7 +137,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "readSubscription",
             "Read a durable subscription",
             tag="live",
-            answers=_json(200, "The subscription.", schemas.DurableSubscriptionJson),
+            answers=_json(200, "The subscription.", DurableSubscriptionJson),
             errors=(UnknownResource,),
         ),
         Operation(
@@ -153,9 +161,9 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "Where a subscriber that comes without a position of its own goes on from.",
             tag="live",
             role="read",
-            body={"application/json": Content(schemas.PositionBody, {"position": "4:17"})},
+            body={"application/json": Content(PositionBody, {"position": "4:17"})},
             body_description="The commit or the id of the last event that was handled.",
-            answers=_json(200, "The subscription.", schemas.DurableSubscriptionJson),
+            answers=_json(200, "The subscription.", DurableSubscriptionJson),
             errors=(InvalidInput, UnknownResource, TooLarge),
         ),
         Operation(
@@ -168,7 +176,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "between two tries.",
             tag="live",
             role="write",
-            answers=_json(200, "The subscription.", schemas.DurableSubscriptionJson),
+            answers=_json(200, "The subscription.", DurableSubscriptionJson),
             errors=(UnknownResource,),
         ),
         Operation(
@@ -178,7 +186,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
             "listDeadLetters",
             "List posts that were given up",
             tag="live",
-            answers=_json(200, "The oldest first.", schemas.DeadLetters),
+            answers=_json(200, "The oldest first.", DeadLetters),
             errors=(UnknownResource,),
         ),
         Operation(
@@ -194,7 +202,7 @@ def _kept(routes: DurableRoutes) -> list[Operation]:
                     "number", "Only this one; without it, all.", {"type": "integer", "minimum": 0}
                 ),
             ),
-            answers=_json(200, "How many were forgotten.", schemas.Discarded),
+            answers=_json(200, "How many were forgotten.", Discarded),
             errors=(InvalidInput, UnknownResource),
         ),
     ]
@@ -257,7 +265,7 @@ def _streamed(routes: DurableRoutes) -> list[Operation]:
                 _CERTAINLY,
                 _POSSIBLY,
             ),
-            answers=_json(200, "The explanation.", schemas.Explanation),
+            answers=_json(200, "The explanation.", Explanation),
             errors=(InvalidQuery, InvalidInput, UnknownFluent),
         ),
     ]

@@ -8,10 +8,10 @@ from html import escape
 from pydantic import BaseModel
 
 from fluentboard import __version__
-from fluentboard.api import schemas
 from fluentboard.api.exchange import Call, Reply, json_reply
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.operations import Answer, Content, Operation
+from fluentboard.api.schemas.upkeep import Classes, Health, Readiness
 from fluentboard.board.blackboard import Blackboard
 from fluentboard_ontology import PREFIXES
 
@@ -120,7 +120,7 @@ class SystemRoutes:
                 "The process is up",
                 tag="operation",
                 role=None,
-                answers={200: Answer("It is.", _json(schemas.Health))},
+                answers={200: Answer("It is.", _json(Health))},
             ),
             Operation(
                 "GET",
@@ -131,8 +131,8 @@ class SystemRoutes:
                 tag="operation",
                 role=None,
                 answers={
-                    200: Answer("It does.", _json(schemas.Readiness)),
-                    503: Answer("It does not; `failure` says why.", _json(schemas.Readiness)),
+                    200: Answer("It does.", _json(Readiness)),
+                    503: Answer("It does not; `failure` says why.", _json(Readiness)),
                 },
             ),
             Operation(
@@ -143,7 +143,7 @@ class SystemRoutes:
                 "All classes that a fluent may have",
                 "From the built-in ontologies and those that the service was started with.",
                 tag="vocabulary",
-                answers={200: Answer("The classes.", _json(schemas.Classes))},
+                answers={200: Answer("The classes.", _json(Classes))},
             ),
         ]
 

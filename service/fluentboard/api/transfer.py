@@ -10,7 +10,7 @@ from typing import IO
 
 import pyoxigraph as ox
 
-from fluentboard.api import parameters, schemas
+from fluentboard.api import parameters
 from fluentboard.api.bodies import NDJSON, YAML, body_format
 from fluentboard.api.exchange import Call, Reply, StreamedReply, json_reply
 from fluentboard.api.export_formats import (
@@ -24,6 +24,7 @@ from fluentboard.api.import_formats import READERS, graph_named
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.rdf_bodies import InvalidRdf
+from fluentboard.api.schemas.fluents import ImportReceipt
 from fluentboard.api.spool import Spool
 from fluentboard.api.writing import commit_header, outcome
 from fluentboard.board.blackboard import Blackboard
@@ -181,7 +182,7 @@ class TransferRoutes:
                 answers={
                     200: Answer(
                         "Everything is on the board.",
-                        {"application/json": Content(schemas.ImportReceipt, receipt)},
+                        {"application/json": Content(ImportReceipt, receipt)},
                         {"X-Commit": "Number of the last commit."},
                     )
                 },

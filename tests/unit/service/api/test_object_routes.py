@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from fluentboard.api import schemas
 from fluentboard.api.app import BoardApp, create_app
+from fluentboard.api.schemas.trajectories import TrajectoryJson
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.clock import ReplayClock
 from fluentboard.config import Settings
@@ -45,7 +45,7 @@ def asking(client_of: Callable[[BoardApp], httpx.Client]) -> Iterator[httpx.Clie
 def told(asking: httpx.Client, **params: str) -> dict[str, Any]:
     reply = asking.get(PATH, params=params)
     assert reply.status_code == 200, reply.text
-    schemas.TrajectoryJson.model_validate(reply.json())
+    TrajectoryJson.model_validate(reply.json())
     assert reply.headers["x-commit"] == str(reply.json()["commit"])
     return reply.json()
 
