@@ -121,6 +121,16 @@ class SegmentationConfig(_Settings):
     rejoin_share: float = Field(
         default=0.25, ge=0.0, le=1.0, description="Fragments have at most so large a share of it."
     )
+    hollow_m: float = Field(
+        default=0.002,
+        ge=0.0,
+        description="The middle of a plate lies so far above the top around it, on the average; 0 "
+        "joins nothing.",
+    )
+    hollow_rim_m: float = Field(
+        default=0.045, gt=0.0, description="Higher parts are not pieces of a plate's rim."
+    )
+    hollow_width_max_m: float = Field(default=0.34, gt=0.0, description="Of a plate.")
     points_min: int = Field(
         default=60, ge=1, description="Smaller clusters are noise; a fork has 400 at 1.2 m."
     )

@@ -8,7 +8,9 @@ from numba import njit
 
 @njit(cache=True)
 def rises(points, sigma, near, corner, cell, top, config):
-    """Per pixel 0 for nothing, 1 on the top, 2 above it, 3 for anything else.
+    """Per pixel 0 for nothing, 1 on the top, 2 above it, 3 for anything else; and its rise.
+
+    The rise is the height above the top, `(h, w)` float32, NaN where there is no point near it.
 
     Args:
         points: `(h, w, 3)` float32, NaN where unknown.
@@ -41,6 +43,15 @@ def rises(points, sigma, near, corner, cell, top, config):
             own = rise[v, u]
             if np.isnan(own):
                 continue
+            limit = config[0] + config[1] * sigma[v, u]
+            near_m = 0.02 + 3.0 * sigma[v, u]
+            # Where no mean of the neighbours could change it, none is taken.
+            if own >= config[2] + near_m:
+                kind[v, u] = 3
+                continue
+            if limit + near_m < own < config[2] - near_m:
+                kind[v, u] = 2
+                continue
             total, count = 0.0, 0
             for dv in range(-1, 2):
                 for du in range(-1, 2):
@@ -48,18 +59,17 @@ def rises(points, sigma, near, corner, cell, top, config):
                     if a < 0 or b < 0 or a >= height or b >= width:
                         continue
                     # Across an edge the neighbours are no better readings of this pixel.
-                    if abs(rise[a, b] - own) < 0.02 + 3.0 * sigma[v, u]:
+                    if abs(rise[a, b] - own) < near_m:
                         total += rise[a, b]
                         count += 1
             mean = total / count
-            limit = config[0] + config[1] * sigma[v, u]
-            if mean >= config[2] or mean < -(0.02 + 3.0 * sigma[v, u]):
+            if mean >= config[2] or mean < -near_m:
                 kind[v, u] = 3
             elif mean > limit:
                 kind[v, u] = 2
             else:
                 kind[v, u] = 1
-    return kind
+    return kind, rise
 
 
 @njit(cache=True)

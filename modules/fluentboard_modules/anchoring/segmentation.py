@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from fluentboard.model.geometry import BoundingBox, FloatArray, Pose
 from fluentboard_modules.anchoring.config import SegmentationConfig
+from fluentboard_modules.anchoring.extents import quantile, turned_extent
 from fluentboard_modules.anchoring.fragments import PartMask, rejoined
+from fluentboard_modules.anchoring.hollows import joined_around_hollows
 from fluentboard_modules.anchoring.observation import Cluster, SupportPlane
 from fluentboard_modules.anchoring.organised import OrganisedPoints
 from fluentboard_modules.anchoring.pixel_parts import join_pixels, rises, windows
@@ -29,6 +31,7 @@ from fluentboard_modules.frames.sensor_frame import SensorFrame
 _TOP, _ABOVE, _OTHER = 1, 2, 3  # classes of pixels, as `rises` gives them
 _REACH_M = 0.04  # objects may stand over the edge by this
 _TRIM = 1.0  # per cent of the points at either side that may be flying pixels
+_TURN_POINTS = 400  # are enough to tell how a box is turned
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +63,7 @@ def segment(
     labels = np.zeros(points.depth_m.shape, dtype=np.int32)
     clusters: list[Cluster] = []
     for top in tops:
-        kind = _classified(points, top, config)
+        kind, rise = _classified(points, top, config)
         kind[labels > 0] = _OTHER
         parts, count = join_pixels(
             kind,
@@ -71,6 +74,7 @@ def segment(
         )
         parts = rejoined(parts, count, points, config)
         parts, count = split_touching(parts, count, points, top, config)
+        parts = joined_around_hollows(parts, count, kind, rise, points, config)
         support = top.support()
         found = windows(parts, count)
         for number in np.argsort(-found[:, 0], kind="stable").tolist():
@@ -84,8 +88,10 @@ def segment(
     return Segmentation(tuple(clusters), tuple(tops), labels)
 
 
-def _classified(points: OrganisedPoints, top: Top, config: SegmentationConfig) -> NDArray[np.uint8]:
-    """Per pixel: nothing, on the top, above it, or anything else."""
+def _classified(
+    points: OrganisedPoints, top: Top, config: SegmentationConfig
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Per pixel: nothing, on the top, above it, or anything else; and how high above."""
     raster = top.raster
     grow = 2 * math.ceil(_REACH_M / raster.cell_m) + 1
     near = cv2.dilate(np.pad(raster.inside.astype(np.uint8), grow), np.ones((grow, grow), np.uint8))
@@ -116,9 +122,9 @@ def _cluster(
     covered = top.raster.covers(cloud)
     if covered.mean() < config.off_top_share:
         return None
-    rise = cloud[:, 2] - top.height_at(cloud)
+    rise = np.sort(cloud[:, 2] - top.height_at(cloud))
     sigma = float(points.height_sigma_m[rows, columns].mean())
-    tall = float(np.percentile(rise, 95))
+    tall = float(quantile(rise, 0.95))
     if tall < config.flat_m:
         tall -= _surroundings(mask, points, kind, top)
         if tall < config.height_min_m + config.height_min_sigma * sigma:
@@ -127,7 +133,7 @@ def _cluster(
             return None
     elif top.raster.core(config.rim_m).covers(cloud).mean() < config.core_share:
         return None  # seen over the edge: the back of a chair
-    if rise.min() > 0.10:  # floats: a part of something that stands elsewhere
+    if rise[0] > 0.10:  # floats: a part of something that stands elsewhere
         return None
     if _hangs(mask, points, kind) > config.hang_share:
         return None
@@ -235,32 +241,15 @@ def upright_box(cloud_map: FloatArray, top: Top) -> BoundingBox:
     """
     centre = cloud_map[:, :2].mean(axis=0)
     # Flying pixels at silhouettes must not decide about the size: trim along each axis.
-    angle = _best_angle(cloud_map[:, :2] - centre)
+    angle, *ends = turned_extent(cloud_map[:, :2] - centre, 0.01 * _TRIM, _TURN_POINTS)
+    low, high = np.array(ends[0::2]), np.array(ends[1::2])
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    local = (cloud_map[:, :2] - centre) @ axes.T
-    low, high = np.percentile(local, [_TRIM, 100.0 - _TRIM], axis=0)
     middle = centre + (0.5 * (low + high)) @ axes
-    rise = cloud_map[:, 2] - top.height_at(cloud_map)
-    tall = max(0.005, float(np.percentile(rise, 100.0 - _TRIM)))
+    rise = np.sort(cloud_map[:, 2] - top.height_at(cloud_map))
+    tall = max(0.005, float(quantile(rise, 1.0 - 0.01 * _TRIM)))
     floor = float(top.height_at(middle[None])[0])
     pose = Pose.from_rpy(
         float(middle[0]), float(middle[1]), floor + 0.5 * tall, yaw=math.remainder(angle, math.pi)
     )
     sizes = np.maximum(high - low, 0.005)
     return BoundingBox(pose, float(sizes[0]), float(sizes[1]), tall)
-
-
-def _best_angle(flat: FloatArray) -> float:
-    """The turn at which the trimmed extents span the least area; the long side is along x."""
-    angles = np.radians(np.arange(0.0, 90.0, 5.0))
-    cos, sin = np.cos(angles), np.sin(angles)
-    thin = flat[:: max(1, len(flat) // 400)]
-    along = thin[:, :1] * cos + thin[:, 1:] * sin
-    across = thin[:, 1:] * cos - thin[:, :1] * sin
-    extents = [
-        np.subtract(*np.percentile(side, [100.0 - _TRIM, _TRIM], axis=0))
-        for side in (along, across)
-    ]
-    best = int(np.argmin(extents[0] * extents[1]))
-    is_long = extents[0][best] >= extents[1][best]
-    return float(angles[best]) + (0.0 if is_long else 0.5 * math.pi)

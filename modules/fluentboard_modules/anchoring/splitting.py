@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.config import SegmentationConfig
+from fluentboard_modules.anchoring.extents import largest_of
 from fluentboard_modules.anchoring.organised import OrganisedPoints
 from fluentboard_modules.anchoring.pixel_parts import windows
 from fluentboard_modules.anchoring.supports import Top
@@ -99,11 +100,13 @@ def _bodies(
     for share in (0.3, 0.45, 0.6, _CORE_SHARE):
         level = max(least_px * share, share * deepest)
         count, cores = cv2.connectedComponents((width_px > level).astype(np.uint8))
+        if count < 3:
+            continue
+        widest = largest_of(cores, width_px, count)
         bodies = [
             core
             for core in range(1, count)
-            if float(width_px[cores == core].max()) >= least_px
-            and level <= config.neck_ratio * float(width_px[cores == core].max())
+            if widest[core] >= least_px and level <= config.neck_ratio * widest[core]
         ]
         if len(bodies) >= 2:
             return _grown(inside, cores[1:-1, 1:-1], bodies)

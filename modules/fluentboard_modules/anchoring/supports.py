@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.config import SupportConfig
+from fluentboard_modules.anchoring.extents import covered_cells, heights_above
 from fluentboard_modules.anchoring.observation import SupportPlane
 from fluentboard_modules.anchoring.organised import OrganisedPoints, patches
 
@@ -71,11 +72,7 @@ class Raster:
 
     def covers(self, points_map: FloatArray) -> NDArray[np.bool_]:
         """`(n,)`; which points `(n, 2)` or `(n, 3)` lie in the region."""
-        cells = np.floor(points_map[..., :2] / self.cell_m).astype(np.int64) - self.origin
-        within = np.all((cells >= 0) & (cells < self.inside.shape), axis=-1)
-        covered = np.zeros(within.shape, dtype=bool)
-        covered[within] = self.inside[tuple(cells[within].T)]
-        return covered
+        return covered_cells(points_map, self.cell_m, *self.origin, self.inside)
 
     def borders(self, points_map: FloatArray, width_m: float) -> bool:
         """Whether most of the points `(n, 2)` or `(n, 3)` lie within a strip along the border."""
@@ -107,7 +104,7 @@ class Top:
 
     def height_at(self, points_map: FloatArray) -> FloatArray:
         """`(n,)`; height of the top at points `(n, 2)` or `(n, 3)`."""
-        return _terms(points_map[..., :2] - self.centre_map) @ self.coefficients
+        return heights_above(points_map, self.centre_map, self.coefficients)
 
     def support(self) -> SupportPlane:
         """The same for recognisers and context models."""
@@ -150,10 +147,10 @@ def find_tops(
             centres, areas = centres[keep], areas[keep]
             continue
         origin, coefficients = fitted
-        away = centres[:, 2] - _terms(centres[:, :2] - origin) @ coefficients
+        away = centres[:, 2] - heights_above(centres, origin, coefficients)
         support = np.abs(away) < 2.0 * config.tolerance_m
         # Beside an object or an edge local normals are bad; being at the right height will do.
-        off = everything[:, 2] - _terms(everything[:, :2] - origin) @ coefficients
+        off = everything[:, 2] - heights_above(everything, origin, coefficients)
         lying = everything[np.abs(off) < 2.0 * config.tolerance_m]
         for raster in _parts(centres[support], lying, config):
             if raster.area_m2 >= config.known_area_min_m2:
@@ -237,7 +234,7 @@ def _fit(
         coefficients[:order] = np.linalg.solve(
             terms.T @ terms + ridge + 1e-9 * np.eye(order), terms.T @ inliers[:, 2]
         )
-        away = centres[:, 2] - _terms(centres[:, :2] - origin) @ coefficients
+        away = centres[:, 2] - heights_above(centres, origin, coefficients)
         kept = np.abs(away) < 2.0 * config.tolerance_m
         if kept.sum() < _LEAST_PATCHES:
             return None
