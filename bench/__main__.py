@@ -26,6 +26,7 @@ SCRIPTS = (
     "furniture",
     "simulator",
     "anchoring_context",
+    "anchoring_step",
     "anchoring_tables",
     "search",
 )

@@ -101,18 +101,37 @@ class BoxEstimate:
         view = BoxEstimate.of_cluster(cluster, config)
         prior = self.covariance + np.eye(3) * config.drift_m_per_sqrt_s**2 * elapsed_s
         noise = view.covariance + np.eye(3) * config.pose_sigma_m**2
-        innovation = view.centre_map - self.centre_map
+        is_part = _hidden(cluster, config) > 1.0
+        innovation = self._outside(view) if is_part else view.centre_map - self.centre_map
         spread = prior + noise
         far = float(innovation @ np.linalg.solve(spread, innovation)) > config.moved_sigma**2
         if far and float(np.linalg.norm(innovation[:2])) > _JUMP_M and not cluster.is_cut_off:
             return replace(view, size=np.maximum(view.size, 0.8 * self.size))
         gain = prior @ np.linalg.inv(spread)
         centre = self.centre_map + gain @ innovation
-        covariance = (np.eye(3) - gain) @ prior
+        # A part that fits in leaves open where the whole is.
+        fits_in = is_part and not innovation[:2].any()
+        covariance = prior if fits_in else (np.eye(3) - gain) @ prior
         size, variance = self._resized(view, cluster, config)
         return BoxEstimate(
             centre, 0.5 * (covariance + covariance.T), size, variance, 0.95 * self.turn + view.turn
         )
+
+    def _outside(self, part: BoxEstimate) -> FloatArray:
+        """`(3,)`; least move of this box that takes in a part of the object.
+
+        What the border of the image or another object leaves to be seen of an object has its own
+        middle, and that is not the object's.
+        """
+        turn, off = self.yaw_rad, part.yaw_rad - self.yaw_rad
+        axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+        cos, sin = abs(math.cos(off)), abs(math.sin(off))
+        across = np.array([[cos, sin], [sin, cos]]) @ part.size[:2]
+        away = part.centre_map - self.centre_map
+        local = np.array([*(axes @ away[:2]), away[2]])
+        room = np.maximum(0.0, 0.5 * (self.size - np.array([*across, part.size[2]])))
+        local = np.sign(local) * np.maximum(0.0, np.abs(local) - room)
+        return np.array([*(axes.T @ local[:2]), local[2]])
 
     def _resized(
         self, view: BoxEstimate, cluster: Cluster, config: FilterConfig

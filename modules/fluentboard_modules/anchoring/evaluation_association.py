@@ -191,41 +191,53 @@ def evaluate_association(
     pairs: LabelledPairs,
     methods: Sequence[str] = ("gnn", "thesis", "nn", "murty"),
     config: FilterConfig | None = None,
+    model: MismatchModel | None = None,
 ) -> dict[str, AssociationResult]:
-    """Tables 4.5 and 4.6 for several methods, with the SVM (a) trained on the other scenes.
+    """Tables 4.5 and 4.6 for several methods.
 
     A decision is made for every new track when untracked anchors exist. As in the thesis, the row
     says whether the anchor in question is the object: the one that the track was given to, or the
     nearest by mismatch where it was made a new one. The column says what was decided. Stricter, a
     decision is right if the track was given to its own anchor, or made a new one where it has
     none.
+
+    Args:
+        scenes: recorded runs.
+        pairs: of the same runs.
+        methods: of association.
+        config: of anchors.
+        model: trained on other runs; by default the SVM (a) of the pairs of all other scenes, as
+            in the thesis.
     """
     names = FEATURE_SETS["a"]
-    features = pairs.features(names)
     models: dict[int, MismatchModel] = {}
-    for train, test in _left_out(pairs.scene):
-        number = int(pairs.scene[test][0])
-        models[number] = train_mismatch(features[train], pairs.is_same[train], names)
+    if model is not None:
+        models = {int(number): model for number in np.unique(pairs.scene)}
+    else:
+        features = pairs.features(names)
+        for train, test in _left_out(pairs.scene):
+            number = int(pairs.scene[test][0])
+            models[number] = train_mismatch(features[train], pairs.is_same[train], names)
     result: dict[str, AssociationResult] = {}
     for method in methods:
+        association = AssociationConfig(method=method)  # type: ignore[arg-type]
         table, right = np.zeros((2, 2), dtype=np.int64), 0
         for scene in scenes:
             if scene.number in models:
-                own, own_right = _decisions(
-                    scene,
-                    models[scene.number],
-                    AssociationConfig(method=method),  # type: ignore[arg-type]
-                    config or FilterConfig(),
-                )
+                own, own_right = decisions(scene, models[scene.number], association, config)
                 table, right = table + own, right + own_right
         result[method] = AssociationResult(Counts(table), right / max(int(table.sum()), 1))
     return result
 
 
-def _decisions(
-    scene: SceneRecord, model: MismatchModel, association: AssociationConfig, config: FilterConfig
+def decisions(
+    scene: SceneRecord,
+    model: MismatchModel,
+    association: AssociationConfig,
+    config: FilterConfig | None = None,
 ) -> tuple[IntArray, int]:
-    memory = _Memory(config)
+    """How a run's new tracks are associated: Table 4.5, and how many are strictly right."""
+    memory = _Memory(config or FilterConfig())
     table, right = np.zeros((2, 2), dtype=np.int64), 0
     for frame in scene.frames:
         new = memory.follow(frame)
