@@ -27,6 +27,7 @@ SCRIPTS = (
     "simulator",
     "anchoring_context",
     "anchoring_step",
+    "anchoring_kitchen",
     "anchoring_tables",
     "search",
 )

@@ -10,7 +10,7 @@ import pytest
 
 from fluentboard.model.detection import ImageBox, ObjectDetection, detection_fluents
 from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.geometry import Pose
+from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
 from fluentboard_modules.anchoring.config import (
@@ -21,6 +21,8 @@ from fluentboard_modules.anchoring.config import (
 from fluentboard_modules.anchoring.worker import AnchoringModule
 from fluentboard_modules.demo.service_process import ServiceProcess
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.search.region import SearchVolume
+from fluentboard_modules.search.request import request_fluents
 from fluentboard_modules.simulation import furniture, tableware
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.placement import placed_on, support_of
@@ -130,3 +132,31 @@ def test_an_external_detector_says_what_an_object_is(board: Client, scene: Scene
     assert thing.class_name == "SugarPot"
     (evidence,) = board.fluents("ClassEvidence", is_open=True)
     assert evidence.values("hasConfidence")[-1] == pytest.approx(0.95)
+
+
+def test_context_answers_where_to_search(board: Client, scene: Scene) -> None:
+    recognition = RecognitionConfig(recogniser="spin-images", context="tableware")
+    over_table = BoundingBox(Pose(2.0, 2.0, 0.84), 0.8, 0.6, 0.2)
+    on_floor = BoundingBox(Pose(0.5, 0.5, 0.1), 0.8, 0.6, 0.2)
+    volumes = [SearchVolume("over_table", over_table, 0.2), SearchVolume("floor", on_floor, 0.2)]
+    board.assert_fluents(
+        request_fluents(
+            "search1",
+            target_class="SugarPot",
+            volumes=volumes,
+            source="context",
+            start=Interval.at(1.0),
+        )
+    )
+    module = AnchoringModule(AnchoringConfig(recognition=recognition))
+    board.batch(module.begin(board))
+    work(board, module, looks(scene, 10.0))
+    beliefs = list(board.fluents("VolumeBelief", is_open=True))
+    assert {str(b.values("isBeliefAbout")[-1]) for b in beliefs} == {"over_table", "floor"}
+    assert all(0.0 < float(b.values("hasProbability")[-1]) < 1.0 for b in beliefs)
+    # The search is over: so are the beliefs about it.
+    board.end("search1", 20.0)
+    module = AnchoringModule(AnchoringConfig(recognition=recognition))
+    board.batch(module.begin(board))
+    work(board, module, looks(scene, 30.0, 1))
+    assert not list(board.fluents("VolumeBelief", is_open=True))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from fluentboard.model.geometry import FloatArray
 
 
 @njit(cache=True)
-def quantile(ordered, share):
+def quantile(ordered: FloatArray, share: float) -> float:
     """The value below which a share of the sorted values `(n,)` lies, linearly interpolated."""
     place = share * (ordered.shape[0] - 1)
     below = int(np.floor(place))
@@ -16,7 +19,7 @@ def quantile(ordered, share):
 
 
 @njit(cache=True)
-def heights_above(points, centre, coefficients):
+def heights_above(points: FloatArray, centre: FloatArray, coefficients: FloatArray) -> FloatArray:
     """`(n,)`; second-order heights at points `(n, k)`, of which x and y count.
 
     Args:
@@ -36,7 +39,9 @@ def heights_above(points, centre, coefficients):
 
 
 @njit(cache=True)
-def covered_cells(points, cell, first_x, first_y, inside):
+def covered_cells(
+    points: FloatArray, cell: float, first_x: int, first_y: int, inside: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """`(n,)`; which points `(n, k)` lie in the cells `(nx, ny)` that are inside."""
     covered = np.zeros(points.shape[0], dtype=np.bool_)
     for i in range(points.shape[0]):
@@ -85,7 +90,9 @@ def _spread(flat, step, cos, sin, trim):
 
 
 @njit(cache=True)
-def turned_extent(flat, trim, samples):
+def turned_extent(
+    flat: FloatArray, trim: float, samples: int
+) -> tuple[float, float, float, float, float]:
     """The turn at which the trimmed extents of points span the least area, and the extents.
 
     Args:
@@ -111,7 +118,7 @@ def turned_extent(flat, trim, samples):
 
 
 @njit(cache=True)
-def largest_of(labels, values, count):
+def largest_of(labels: NDArray[np.int32], values: FloatArray, count: int) -> FloatArray:
     """`(count,)`; the largest value `(h, w)` of each label `(h, w)` below `count`."""
     largest = np.zeros(count)
     for v in range(labels.shape[0]):
