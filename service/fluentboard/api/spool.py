@@ -19,6 +19,7 @@ import orjson
 
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, decide
+from fluentboard.board.short_names import check_property
 from fluentboard.board.vocabulary import Vocabulary
 from fluentboard.board.writer import Whole
 from fluentboard.errors import FluentboardError, StorageFailed, UnknownFluent
@@ -211,6 +212,7 @@ class Spool:
 
     def _normalised_property(self, statement: Property, vocabulary: Vocabulary) -> Property:
         name = vocabulary.property_name(statement.name)
+        check_property(name, statement.name)
         plain = name.removeprefix(UPPER)
         if plain != name and vocabulary.property_iri(plain) == name:
             # An undeclared plain name stands for this IRI, as Turtle has it.

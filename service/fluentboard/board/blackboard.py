@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -17,11 +16,7 @@ import pyoxigraph as ox
 from fluentboard.board.audit import AuditEntry, AuditFilter
 from fluentboard.board.coming import next_changes
 from fluentboard.board.commands import (
-    AssertFluent,
     Command,
-    CorrectFluent,
-    RefineFluent,
-    name_of,
 )
 from fluentboard.board.endpoint import Endpoint
 from fluentboard.board.events import Commit, StatementsChanged
@@ -36,17 +31,14 @@ from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.remote_store import RemoteStore
 from fluentboard.board.shapes import LookUp, ShapesGuard
+from fluentboard.board.short_names import in_short_names, remarks_on
 from fluentboard.board.sqlite_journal import SqliteJournal
 from fluentboard.board.store import EmbeddedStore, GraphName, QueryResults
 from fluentboard.board.time_functions import functions_for, mentions_functions
 from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.board.time_views import TimedResults, TimeViews
 from fluentboard.board.trajectory import Trajectory, pose_names, trajectory_of
-from fluentboard.board.triples import ENDPOINTS
 from fluentboard.board.vocabulary import (
-    PROPER_SUB_CLASS_OF,
-    RDF_TYPE,
-    SUB_CLASS_OF_OR_SAME,
     Vocabulary,
 )
 from fluentboard.board.writer import Request, Whole, Writer
@@ -54,12 +46,11 @@ from fluentboard.clock import Clock, SystemClock
 from fluentboard.errors import (
     FluentboardError,
     InvalidInput,
-    InvalidName,
     StorageFailed,
     TooLarge,
     UnknownFluent,
 )
-from fluentboard.model.fluent import Fluent, Property
+from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty
 
 logger = logging.getLogger(__name__)
@@ -191,9 +182,10 @@ class Blackboard:
             idempotency_key: tells a repetition from another request.
             whole: the import that the batch is a part of, if it is.
         """
+        vocabulary = self.vocabulary
         try:
             request = Request(
-                tuple(self._normalised(command) for command in commands),
+                tuple(in_short_names(command, vocabulary) for command in commands),
                 author,
                 idempotency_key,
                 _digest(commands, author) if idempotency_key else None,
@@ -510,18 +502,7 @@ class Blackboard:
 
     def remarks(self, commands: Sequence[Command]) -> list[str]:
         """What is allowed but perhaps not meant: undeclared properties, dangling references."""
-        new = {name_of(command) for command in commands}
-        found: dict[str, None] = {}
-        for command in commands:
-            for statement in _properties(command):
-                if not self.vocabulary.declares_property(statement.name):
-                    found[f"property {statement.name!r} is in no loaded ontology"] = None
-                target = str(statement.value)
-                if statement.is_reference and target not in new and target not in self:
-                    found[
-                        f"{name_of(command)!r} refers to {target!r}, which is not on the board"
-                    ] = None
-        return list(found)
+        return remarks_on(commands, self.vocabulary, self.__contains__)
 
     def close(self) -> None:
         """Finishes what was asked for, then lets go of all files. Closing twice is harmless."""
@@ -543,61 +524,9 @@ class Blackboard:
     def _rewritten(self, sparql: str) -> str:
         return self._projections.prepared.rewritten(sparql, self.vocabulary)
 
-    def _normalised(self, command: Command) -> Command:
-        """The command in the short names the board keeps; unknown classes are refused here."""
-        if isinstance(command, AssertFluent | CorrectFluent):
-            fluent = command.fluent
-            class_name = self.vocabulary.class_name(fluent.class_name)
-            properties = self._normalised_properties(fluent.properties)
-            if class_name == fluent.class_name and properties is fluent.properties:
-                return command
-            return replace(
-                command, fluent=replace(fluent, class_name=class_name, properties=properties)
-            )
-        if isinstance(command, RefineFluent) and command.properties:
-            return replace(command, properties=self._normalised_properties(command.properties))
-        return command
-
-    def _normalised_properties(self, properties: tuple[Property, ...]) -> tuple[Property, ...]:
-        vocabulary = self.vocabulary
-        changed = False
-        normal: list[Property] = []
-        for statement in properties:
-            kind = (
-                vocabulary.class_name(statement.type) if statement.is_reference else statement.type
-            )
-            name = vocabulary.property_name(statement.name)
-            if name in _RESERVED:
-                raise InvalidName(
-                    f"{statement.name!r} cannot be a property of a fluent: the board states it "
-                    "itself. The class and the interval of a fluent have fields of their own",
-                    name=statement.name,
-                )
-            if kind != statement.type or name != statement.name:
-                changed = True
-                statement = Property(name, kind, statement.value)
-            normal.append(statement)
-        return tuple(normal) if changed else properties
-
 
 _LOOK_BACK_MAX = 200_000
 """Fluents; to build a view of the past takes about a second per 100,000."""
-
-_RESERVED = frozenset(
-    {
-        *(iri.rpartition("#")[2] for iri in ENDPOINTS),
-        RDF_TYPE,
-        PROPER_SUB_CLASS_OF,
-        SUB_CLASS_OF_OR_SAME,
-    }
-)
-"""Properties that the board derives, as `Vocabulary.property_name` names them."""
-
-
-def _properties(command: Command) -> tuple[Property, ...]:
-    if isinstance(command, AssertFluent | CorrectFluent):
-        return command.fluent.properties
-    return command.properties if isinstance(command, RefineFluent) else ()
 
 
 def _digest(commands: Sequence[Command], author: str) -> str:

@@ -114,10 +114,15 @@ def test_what_stands_in_a_graph_goes_with_the_fluents(api: httpx.Client, board: 
     [
         ("---\n!Fluent\nClass_Instance: [Mug, m\n", "application/yaml", "invalid-yaml"),
         ('{"name": "m", "class": ', "application/x-ndjson", "invalid-input"),
+        (
+            '{"name": "m", "class": "Mug", "properties": [["hasStartEarliest", "xsd:double", 1]]}',
+            "application/x-ndjson",
+            "invalid-name",
+        ),
         ("<urn:a> <urn:b> ", "text/turtle", "invalid-rdf"),
     ],
 )
-def test_a_torn_end_leaves_nothing_behind(
+def test_a_wrong_end_leaves_nothing_behind(
     api: httpx.Client, board: Blackboard, end: str, media_type: str, code: str
 ) -> None:
     before = board.commit
