@@ -30,6 +30,7 @@ SCRIPTS = (
     "anchoring_kitchen",
     "anchoring_tables",
     "search",
+    "search_plans",
 )
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"

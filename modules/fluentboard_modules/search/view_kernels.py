@@ -19,6 +19,12 @@ _jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 OCCUPIED_BIT, UNKNOWN_BIT, WANTED_BIT = 1, 2, 4
 CANDIDATE_COLUMNS = 6
+_STOPS_AFTER = 0.98
+"""Sides of a cell that a ray goes through occupied cells before it ends.
+
+A surface fills only a part of the cells that it touches, so a ray that clips their corners mostly
+gets past. A layer of occupied cells still stops all rays: none crosses it in less than a side.
+"""
 
 
 @_jit
@@ -208,7 +214,8 @@ def reveal(
 ) -> int:
     """Numbers of the wanted cells that a bundle of rays traverses, each once.
 
-    A ray ends at an occupied cell, at its range, or after `unknown_max` unknown cells.
+    A ray ends in occupied cells (see `_STOPS_AFTER`), at its range, or after `unknown_max` unknown
+    cells.
 
     Args:
         origin: `(3,)`; of the sensor.
@@ -250,6 +257,7 @@ def reveal(
         b = block_at(directory, low, bx, by, bz)
         travelled = 0.0
         passed = 0
+        solid = 0.0
         while travelled <= reach:
             inside = UNKNOWN_BIT if b < 0 else content[b]
             if inside & (OCCUPIED_BIT | WANTED_BIT) == 0 and not (limited and inside & UNKNOWN_BIT):
@@ -267,7 +275,9 @@ def reveal(
                         out[count] = number
                         count += 1
                     if value >= 0.0:
-                        break
+                        solid += min(tx, ty, tz) - travelled
+                        if solid >= _STOPS_AFTER * resolution:
+                            break
                     if value != value:
                         passed += 1
                 else:
