@@ -122,7 +122,7 @@ class Result:
         planning_s: E[T] of planning.
         looks: views taken.
         gap: of the plan, at most; the mean over its plans in a continual search.
-        bound_s: time it took to bound a plan from below, which the robot need not wait for.
+        bound_s: time it took to bound a plan from below; it is not part of planning.
         probability: prior probability that the object was in what the search saw.
         promised: cells that the views taken were expected to reveal (continual only).
         revealed: cells that they revealed (continual only).

@@ -121,7 +121,7 @@ class IteratedLocalSearch:
 def bounded(problem: PlanningProblem, plan: Plan) -> Plan:
     """The plan with a lower bound of what any plan takes, if it is complete.
 
-    Apart from planning: it takes longer than some planners do, and the robot need not wait for it.
+    Apart from planning, as it takes longer than some planners do.
     """
     if not plan.is_complete or plan.lower_bound_s >= plan.expected_time_s:
         return plan
