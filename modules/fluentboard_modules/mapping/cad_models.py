@@ -82,6 +82,17 @@ class CadModel:
         """How many turns about the vertical within a full circle look alike; `ROUND` if all do."""
         return rotational_symmetry(self.surface.points, self.tree)
 
+    @cached_property
+    def top_share(self) -> float:
+        """Area of its highest level face as a share of its footprint's bounding rectangle."""
+        mesh = self.mesh
+        corners = mesh.vertices[mesh.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        top = mesh.bounds[1, 2]
+        is_top = (normals[:, 2] > 0.0) & (corners[:, :, 2] > top - _ALIKE_M).all(axis=1)
+        size = (mesh.bounds[1] - mesh.bounds[0])[:2]
+        return float(0.5 * normals[is_top, 2].sum() / max(float(size.prod()), 1e-9))
+
     def top_faces(self, height_m: float, reach_m: float) -> FloatArray | None:
         """The extent of its level faces near a height.
 

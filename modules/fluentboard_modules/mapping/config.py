@@ -32,6 +32,11 @@ class DepthNoiseConfig(_Settings):
         description="Rounding of the disparity to 1/8 px (Khoshelham 2012): a standard deviation "
         "per square metre of depth. A flat wall at 4 m is no rough one.",
     )
+    doubt_share: float = Field(
+        default=0.1,
+        ge=0.0,
+        description="The variance itself is known so well only; a surface is rough beyond it.",
+    )
     lateral_px: float = Field(
         default=0.8,
         ge=0.0,

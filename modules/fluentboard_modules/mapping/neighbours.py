@@ -17,6 +17,8 @@ from fluentboard_modules.mapping.furniture_item import box_overlap
 from fluentboard_modules.mapping.verify import Verdict
 
 _TOUCHING = 0.15  # of the footprint: poses are off by as much
+_SURE = 0.85  # no plane has hinted at it, so the images must say more than for a hypothesis
+_FULL = 0.9  # of its bounding rectangle: what fills it can stand side by side, an L cannot
 _PIECES_MAX = 40  # a row ends somewhere, whatever the images say
 
 Look = Callable[[CadModel, Standing, Candidate], Verdict | None]
@@ -37,11 +39,10 @@ def with_neighbours(
     while position < len(pieces) and len(pieces) < _PIECES_MAX:
         piece = pieces[position]
         model = None if piece.fit is None else models(piece.fit.model)
-        # Chairs stand apart.
-        if model is not None and piece.fit is not None and not piece.furniture.back_planes:
+        if model is not None and _stands_in_rows(model, piece):
             for standing in places_beside(model, piece):
                 verdict = look(model, standing, piece)
-                if verdict is None or not verdict.is_accepted:
+                if verdict is None or not verdict.is_accepted or verdict.score < _SURE:
                     continue
                 (beside,) = with_verdicts(piece, (verdict,))
                 if any(
@@ -54,6 +55,13 @@ def with_neighbours(
                 pieces[position] = piece = replace(piece, is_in_row=True)
         position += 1
     return pieces
+
+
+def _stands_in_rows(model: CadModel, piece: Candidate) -> bool:
+    """Whether pieces of this model come side by side: shelves and rectangular tops, not chairs."""
+    if piece.fit is None or piece.furniture.back_planes:
+        return False
+    return bool(piece.furniture.front_planes) or model.top_share >= _FULL
 
 
 def places_beside(model: CadModel, piece: Candidate) -> list[Standing]:

@@ -49,7 +49,12 @@ class Sight:
     @property
     def is_expected(self) -> bool:
         """Whether it should be found."""
-        return self.pixels >= EXPECTED_PX and self.share >= EXPECTED_SHARE
+        return self.is_large and self.share >= EXPECTED_SHARE
+
+    @property
+    def is_large(self) -> bool:
+        """Whether it fills enough of the image, however little of it that may be."""
+        return self.pixels >= EXPECTED_PX
 
 
 class Onlooker:

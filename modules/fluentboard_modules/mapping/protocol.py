@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fluentboard.model.geometry import Pose
+from fluentboard.model.geometry import FloatArray, Pose
 from fluentboard_modules.mapping.evaluation import TOLERANCE_M
 
 _OTHER_TOLERANCE_M = 0.45
@@ -205,6 +205,27 @@ def area_under_curve(scores: Sequence[tuple[float, bool]]) -> float:
     higher = (true[:, None] > false[None, :]).mean()
     equal = (true[:, None] == false[None, :]).mean()
     return float(higher + 0.5 * equal)
+
+
+def roc_curve(scores: Sequence[tuple[float, bool]]) -> FloatArray:
+    """`(n, 3)`; threshold, share of the false that pass it, share of the true that do.
+
+    Args:
+        scores: of hypotheses, each with whether it was true.
+    """
+    true = np.array([score for score, is_true in scores if is_true])
+    false = np.array([score for score, is_true in scores if not is_true])
+    levels = np.unique([1.0, 0.0, *true.tolist(), *false.tolist()])[::-1]
+    return np.array(
+        [
+            (
+                level,
+                (false >= level).mean() if false.size else 0.0,
+                (true >= level).mean() if true.size else 0.0,
+            )
+            for level in levels.tolist()
+        ]
+    )
 
 
 def _apart_m(a: Pose, b: Pose) -> float:

@@ -40,7 +40,7 @@ from fluentboard_ontology import read
 _SAME_COSINE, _SAME_PLANE_M = 0.99, 0.08
 _WALL_M2 = 0.4  # no backrest is larger
 # A level plane may be a part of a model's top from so much of it on.
-_PART_SHARE, _PART_M2, _TOP_REACH_M = 0.05, 0.02, 0.05
+_PART_SHARE, _PART_M2, _TOP_REACH_M = 0.03, 0.03, 0.05
 
 
 @dataclass(frozen=True, slots=True)

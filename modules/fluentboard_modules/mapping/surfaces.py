@@ -147,6 +147,7 @@ def _noise_m2(
     depth = 1.0 / np.maximum(toward, 1e-3)
     sigma = noise.constant_m + noise.quadratic_per_m * np.maximum(depth - noise.reference_m, 0) ** 2
     variance = sigma**2 + (noise.quantisation_per_m * depth**2) ** 2
+    variance *= 1.0 + noise.doubt_share
     return variance * (toward / np.linalg.norm(plane)) ** 2
 
 

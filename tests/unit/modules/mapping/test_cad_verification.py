@@ -24,7 +24,8 @@ from fluentboard_modules.mapping.config import (
 from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory, best_views, thin_view
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.verify import Verdict, possible_rows, verify
+from fluentboard_modules.mapping.starts import possible_rows
+from fluentboard_modules.mapping.verify import Verdict, verify
 from fluentboard_modules.mapping.visibility import compare_with_views, front_relief_m
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.noise import NoiseConfig
