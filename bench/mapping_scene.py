@@ -69,7 +69,7 @@ def run() -> list[Report]:
                 "fluentboard: voxels, planes, contours, classes": ours,
                 "Open3D: voxels, normals, detect_planar_patches (boxes, no classes)": open3d,
             },
-            rounds=5,
+            rounds=3,
             unit="s",
             target="at most 10 s on two cores, and a fifteenth of the thesis's time",
             notes=[
@@ -79,6 +79,6 @@ def run() -> list[Report]:
             ],
         ),
         compare(
-            f"Mesh fused from {_FRAMES} frames", {"fluentboard (TSDF)": mesh}, rounds=3, unit="s"
+            f"Mesh fused from {_FRAMES} frames", {"fluentboard (TSDF)": mesh}, rounds=2, unit="s"
         ),
     ]

@@ -30,6 +30,8 @@ from fluentboard_modules.mapping.visibility import (
 )
 
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
+_PLAY_STEPS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # how far a model is moved to see if it shows
+_NOTICED = 0.03  # of what speaks for it
 _HOPELESS = 0.2  # nothing is aligned below this closeness
 _SETTLED_SCORE = 0.9  # nothing is searched from here on
 _BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
@@ -236,7 +238,8 @@ def _best_of(
 ) -> Verdict:
     """The best place that ICP finds from any of the starts, or a start itself if that is better."""
     initial = _look(model, starts[0], views, config)
-    best, covariance = initial, np.diag([0.1, 0.1, 0.2]) ** 2
+    best: _Trial = initial
+    covariance: FloatArray | None = None
     if len(starts) > config.starts_max:
         quick, coarse = views[:3], _coarse(config)
         looks = [(_look(model, start, quick, coarse), k) for k, start in enumerate(starts)]
@@ -253,8 +256,12 @@ def _best_of(
             trial = _look(model, standing, views, config)
             if trial.gain > best.gain:
                 best, covariance = trial, aligned.covariance
+    if covariance is None:
+        points = _points_around(model, initial.standing, views, config)
+        covariance = align(points, model, initial.standing, config.alignment).covariance
     if best.visibility.score(config.visibility) < _SETTLED_SCORE:
         best = _searched(model, best, views, config)
+    covariance = covariance + _play(model, best, views, config)
     score, initial_score = (t.visibility.score(config.visibility) for t in (best, initial))
     if geometry.main_side == "front":
         # All that is measured lies in one plane: whether it is a front shows in its relief.
@@ -293,6 +300,34 @@ def _searched(
                 best = trial
                 break
     return best
+
+
+def _play(
+    model: CadModel, best: _Trial, views: Sequence[DepthView], config: VerificationConfig
+) -> FloatArray:
+    """`(3, 3)`; variance of the directions in which a model can be moved unnoticed, map axes.
+
+    The Hessian of the ICP does not know of it: where no end of a top was seen, the points bind the
+    model to itself. What can be moved by s either way without a loss may be anywhere in between,
+    which has the variance s^2 / 3.
+    """
+    quick, coarse = views[:3], _coarse(config)
+    reference = _look(model, best.standing, quick, coarse)
+    least = reference.gain - _NOTICED * abs(reference.visibility.close)
+    variance = np.zeros(2)
+    for axis in range(2):
+        for step in _PLAY_STEPS_M:
+            shift = step * np.eye(2)[axis]
+            trials = (
+                _look(model, best.standing.moved(*(side * shift), 0.0), quick, coarse)
+                for side in (1.0, -1.0)
+            )
+            if not any(trial.gain >= least for trial in trials):
+                break
+            variance[axis] = step**2 / 3.0
+    c, s = np.cos(best.standing.yaw_rad), np.sin(best.standing.yaw_rad)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turn @ np.diag([*variance, 0.0]) @ turn.T
 
 
 def _look(

@@ -29,6 +29,7 @@ from fluentboard_modules.mapping.verify import Verdict, verify
 from fluentboard_modules.mapping.visibility import compare_with_views, front_relief_m
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.noise import NoiseConfig
+from fluentboard_modules.simulation.office_furniture import plain_table
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
 from fluentboard_modules.simulation.sensor import RgbdSensor
 from fluentboard_modules.simulation.viewpoint import kinect_camera, look_at
@@ -282,3 +283,21 @@ def test_a_wall_has_no_relief_however_the_model_is_turned_against_it() -> None:
     for turn in (0.0, 0.1):
         at = Standing(0.95 + float(books_in_front), 0.0, float(np.pi) + turn).transform
         assert front_relief_m(cad(shelf), at, views, VisibilityConfig()) < 0.008
+
+
+def test_a_top_without_a_seen_end_may_lie_anywhere_along_itself(make_plane: MakePlane) -> None:
+    bench = plain_table("bench", 2.4, 0.7, 0.73)
+
+    def sigma_along_m(eye: Sequence[float], seen_m: float) -> float:
+        views = seen([(bench, Pose(0.0, 0.0, 0.0))], [eye])
+        plane = make_plane((0.0, 0.0, 0.73), size=(seen_m, 0.7))
+        geometry = FurnitureGeometry(
+            Pose.from_rpy(0.0, 0.0, 0.73, yaw=0.5 * np.pi),
+            BoundingBox(Pose.from_rpy(0.0, 0.0, 0.365, yaw=0.5 * np.pi), seen_m, 0.7, 0.73),
+            None,
+        )
+        config = VerificationConfig()
+        (verdict,) = verify("Table", geometry, [plane], views, CadLibrary((cad(bench),)), config)
+        return float(np.sqrt(verdict.covariance[1, 1]))
+
+    assert sigma_along_m((-1.3, 0.0, 1.4), 1.2) > 2.0 * sigma_along_m((-3.2, 0.0, 1.8), 2.4)

@@ -12,6 +12,7 @@ from fluentboard_modules.mapping.protocol import (
     TrueObject,
     area_under_curve,
     rate,
+    roc_curve,
     table_lines,
     totals,
 )
@@ -70,3 +71,11 @@ def test_area_under_the_curve_is_the_chance_of_the_right_order() -> None:
     assert area_under_curve([(0.9, True), (0.2, False), (0.8, True)]) == 1.0
     assert area_under_curve([(0.9, True), (0.9, False)]) == 0.5
     assert math.isnan(area_under_curve([(0.9, True)]))
+
+
+def test_the_curve_of_a_score_runs_from_nothing_accepted_to_everything() -> None:
+    curve = roc_curve([(0.9, True), (0.8, True), (0.8, False), (0.1, False)])
+
+    assert curve[0].tolist() == [1.0, 0.0, 0.0]
+    assert curve[-1].tolist() == [0.0, 1.0, 1.0]
+    assert [0.8, 0.5, 1.0] in curve.tolist()
