@@ -11,12 +11,12 @@ import pyoxigraph as ox
 
 from fluentboard.api.negotiation import Offer, negotiated
 from fluentboard.api.operations import Content
-from fluentboard.api.results import ResultSink
+from fluentboard.api.results import ResultSink, ShortSink, Stopped
 from fluentboard.board.store import GraphName, QueryResults
 from fluentboard.board.time_functions import mentions_functions
 from fluentboard.board.time_views import TimedResults
 from fluentboard.config import LimitSettings
-from fluentboard.errors import InvalidQuery
+from fluentboard.errors import InvalidQuery, NotAcceptable
 from fluentboard.model.interval import Certainty
 
 _XML = "application/sparql-results+xml"
@@ -227,6 +227,25 @@ def written(
     finally:
         del results
     return media_type, sink
+
+
+def written_short(
+    results: QueryResults, accept: str | None, size_max_bytes: int
+) -> tuple[str, bytes] | None:
+    """Media type and text of the results of a SELECT or ASK; None if that fails in any way.
+
+    Args:
+        results: of the query.
+        accept: the media types that the client takes.
+        size_max_bytes: how long the text may be.
+    """
+    sink = ShortSink(size_max_bytes)
+    try:
+        media_type, form = negotiated(accept, SOLUTION_OFFERS)
+        results.serialize(cast("IO[bytes]", sink), form)
+    except (Stopped, NotAcceptable, OSError, ValueError, RuntimeError):
+        return None
+    return media_type, sink.text
 
 
 def _close(sink: ResultSink | None) -> None:

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from fluentboard.api.answering import Question, Result, answer, written
+from fluentboard.api.answering import Question, Result, answer, written_short
 from fluentboard.api.federation import check_services
 from fluentboard.api.point_queries import PointQuery, point_query
 from fluentboard.api.query_threads import QueryThreads
@@ -26,7 +26,7 @@ from fluentboard.api.result_cache import Cached, Key, ResultCache
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.events import Commit
 from fluentboard.config import LimitSettings
-from fluentboard.errors import InvalidQuery, NotAcceptable, QueryTimeout, TooLarge
+from fluentboard.errors import QueryTimeout
 
 _Outcome = TypeVar("_Outcome")
 
@@ -56,18 +56,17 @@ class Evaluator:
         readers_folder: Path | None = None,
     ) -> None:
         can_follow = readers_folder is not None and board.can_be_followed
-        self._is_embedded = board.is_embedded
         self._readers = (
             ReaderPool(board, readers_folder, limits) if can_follow and readers_folder else None
         )
         self._board = board
         self._service_endpoints = frozenset(service_endpoints)
         self._limits = limits
-        self._inline_limits = limits.model_copy(
-            update={"result_max_bytes": min(_INLINE_BYTES_MAX, limits.result_max_bytes)}
+        # A row takes at least a byte: a result of fewer bytes than rows allowed needs no counting.
+        self._inline_bytes_max = min(
+            _INLINE_BYTES_MAX, limits.result_max_bytes, limits.result_rows_max
         )
         self._threads = QueryThreads(limits.queries_at_once)
-        self._never = threading.Event()
         self._cache = ResultCache(limits.result_cache_bytes)
         self._applied = 0
         self._stop_listening = board.listen(self._on_commits)
@@ -122,27 +121,22 @@ class Evaluator:
         # A query waits until the RDF store has all that was committed; the event loop must not.
         if self._applied < commit or question.default_graphs or question.named_graphs:
             return None
-        kind = point_query(question.text) if self._is_embedded else None
+        kind = point_query(question.text)
         if kind is None:
             return None
-        try:
-            result = self._pointed(question, has_prefixes=kind is PointQuery.PREFIXED)
-        except (InvalidQuery, NotAcceptable, TooLarge):
+        found = self._board.point_query(question.text, has_prefixes=kind is PointQuery.PREFIXED)
+        if found is None:
             return None
-        if result.text is not None and result.is_exact:
-            answered = Cached(result.media_type, result.text)
-            self._cache.put(result.commit, key, answered, may_change=False)
-        return result
-
-    def _pointed(self, question: Question, *, has_prefixes: bool) -> Result:
-        timed = self._board.point_query(question.text, has_prefixes=has_prefixes)
-        media_type, sink = written(timed.results, question.accept, self._inline_limits, self._never)
-        return Result(
-            media_type, sink.text, sink.file, sink.size, timed.commit, is_exact=timed.is_exact
-        )
+        commit, results = found
+        answered = written_short(results, question.accept, self._inline_bytes_max)
+        if answered is None:
+            return None
+        self._cache.put(commit, key, Cached(*answered), may_change=False)
+        media_type, text = answered
+        return Result(media_type, text, None, len(text), commit)
 
     async def _evaluated(self, question: Question) -> Result:
-        if self._is_embedded and self._applied < self._board.commit and point_query(question.text):
+        if self._applied < self._board.commit and point_query(question.text):
             # Handing it to a reader would cost more than it does.
             return await self._in_thread(question)
         check_services(question.text, self._service_endpoints)

@@ -20,7 +20,8 @@ from enum import Enum
 _LONGEST_CHARACTERS = 2_000
 
 _SPACE = r"[ \t\r\n]"
-_IRI = r"<[^<>\"{}|^`\\\x00-\x20]*>"
+# An absolute one.
+_IRI = r"<[A-Za-z][A-Za-z0-9+.-]*:[^<>\"{}|^`\\\x00-\x20]*>"
 # Without the escapes and colons that a local name may have: such a query takes the usual way.
 _CONSTANT = rf"(?:{_IRI}|[A-Za-z][A-Za-z0-9_-]*:[A-Za-z0-9_][A-Za-z0-9_-]*)"
 _VARIABLE = r"[?$][A-Za-z_][A-Za-z0-9_]*"

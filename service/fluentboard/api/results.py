@@ -18,7 +18,7 @@ _CHUNK_BYTES = 256 * 1024
 
 
 class Stopped(Exception):
-    """Nobody waits for the result any more."""
+    """Nobody waits for the result any more, or not for one so long."""
 
 
 class RowCounter:
@@ -64,6 +64,41 @@ _MARKS: dict[QueryResultsFormat | RdfFormat, tuple[re.Pattern[bytes], int, int]]
     QueryResultsFormat.TSV: (re.compile(rb"\n"), 1, -1),
     QueryResultsFormat.CSV: (re.compile(rb"\n"), 1, -1),
 }
+
+
+class ShortSink:
+    """A file for Oxigraph to write a short result to.
+
+    Args:
+        size_max_bytes: how long it may be.
+    """
+
+    __slots__ = ("_left", "_parts")
+
+    def __init__(self, size_max_bytes: int) -> None:
+        self._left = size_max_bytes
+        self._parts: list[bytes] = []
+
+    def write(self, data: bytes) -> int:
+        """Takes the next piece.
+
+        Raises:
+            Stopped: the result is longer than that.
+        """
+        size = len(data)
+        self._left -= size
+        if self._left < 0:
+            raise Stopped
+        self._parts.append(data)
+        return size
+
+    def flush(self) -> None:
+        """Nothing waits to be written."""
+
+    @property
+    def text(self) -> bytes:
+        """All that was written."""
+        return self._parts[0] if len(self._parts) == 1 else b"".join(self._parts)
 
 
 class ResultSink:

@@ -103,9 +103,10 @@ class SparqlRoutes:
         except InvalidInput:
             return None
         texts = values.get("query", ())
-        if len(values) != 1 or len(texts) != 1 or _RELATIVE_IRI.search(texts[0]):
+        if len(values) != 1 or len(texts) != 1:
             return None
         accept = headers.get(b"accept")
+        # A text with a relative IRI is no point query, and is kept with its base: it is not found.
         question = Question(texts[0], None if accept is None else accept.decode("latin-1"))
         result = self._evaluator.at_once(question)
         if result is None or result.text is None:

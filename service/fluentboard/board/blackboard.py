@@ -25,7 +25,6 @@ from fluentboard.board.intervals import FluentFilter, IntervalIndex
 from fluentboard.board.journal import CommitLog, Durability, Journal
 from fluentboard.board.listing import Listing, Page
 from fluentboard.board.mirrored_journal import MirroredJournal
-from fluentboard.board.prepared_queries import PLAIN, PLAIN_WITH_PREFIXES
 from fluentboard.board.projections import Projections
 from fluentboard.board.projector import Listener, Projector
 from fluentboard.board.rdf_store import RdfStore
@@ -52,6 +51,7 @@ from fluentboard.errors import (
 )
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Certainty
+from fluentboard_ontology import PREFIXES
 
 logger = logging.getLogger(__name__)
 
@@ -380,21 +380,19 @@ class Blackboard:
         )
         return TimedResults(results, commit, is_exact=is_exact)
 
-    def point_query(self, sparql: str, *, has_prefixes: bool) -> TimedResults:
-        """The results of a query that is surely cheap, on the commits that the RDF store has.
+    def point_query(self, sparql: str, *, has_prefixes: bool) -> tuple[int, QueryResults] | None:
+        """The results of a query that is surely cheap, with the commit that they are exact at.
 
-        Only where the board is embedded.
+        It does not wait for commits. None if the query is not answered so: `query` it.
 
         Args:
             sparql: patterns about one constant subject, and nothing else.
-            has_prefixes: it uses prefixes that it does not declare.
-
-        Raises:
-            InvalidQuery: it does not parse.
+            has_prefixes: it may use well-known prefixes.
         """
-        reading = PLAIN_WITH_PREFIXES if has_prefixes else PLAIN
-        commit, is_exact, results = self._projections.store.marked_query(sparql, known=reading)
-        return TimedResults(results, commit, is_exact=is_exact)
+        store = self._projections.store
+        if not isinstance(store, EmbeddedStore):
+            return None
+        return store.point_query(sparql, PREFIXES if has_prefixes else {})
 
     def snapshot_query(self, sparql: str) -> tuple[int, QueryResults]:
         """The results of a query, with the number of the commit that they are exact at.
@@ -472,14 +470,10 @@ class Blackboard:
         return self.graphs.named_graphs()
 
     @property
-    def is_embedded(self) -> bool:
-        """Its RDF store is in this process, not behind another endpoint."""
-        return isinstance(self._projections.store, EmbeddedStore)
-
-    @property
     def can_be_followed(self) -> bool:
         """A `Follower` in another process can answer for it."""
-        return self.is_embedded and self.journal_file is not None
+        is_embedded = isinstance(self._projections.store, EmbeddedStore)
+        return is_embedded and self.journal_file is not None
 
     @property
     def journal_file(self) -> Path | None:

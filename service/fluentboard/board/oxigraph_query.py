@@ -9,7 +9,7 @@ from typing import Any
 import pyoxigraph as ox
 
 from fluentboard.board.engine_repairs import repaired
-from fluentboard.board.prepared_queries import Reading, reading
+from fluentboard.board.prepared_queries import reading
 from fluentboard.board.sparql_tokens import declared_prefixes, tokens_of
 from fluentboard.errors import InvalidQuery
 from fluentboard_ontology import FB, PREFIXES
@@ -27,7 +27,6 @@ def ask(
     default_graphs: Sequence[GraphName] | None,
     named_graphs: Sequence[ox.NamedNode | ox.BlankNode] | None,
     all_graphs: Callable[[], Sequence[ox.NamedNode]],
-    known: Reading | None = None,
     **extra: Any,
 ) -> QueryResults:
     """The results of a query on the snapshot of this moment.
@@ -38,13 +37,12 @@ def ask(
         default_graphs: merged into the default graph; None for the store's own.
         named_graphs: what `GRAPH` sees; None for what the query names, else all.
         all_graphs: gives the named graphs that a query sees by default.
-        known: what the text says, if the caller knows.
         extra: passed to Oxigraph.
 
     Raises:
         InvalidQuery: it does not parse, or cannot be evaluated.
     """
-    known = known or reading(sparql)
+    known = reading(sparql)
     has_dataset = named_graphs is not None
     if named_graphs is None and known.sees_all_graphs:
         named_graphs = all_graphs()

@@ -41,13 +41,6 @@ class Reading:
     needs_repair: bool
 
 
-PLAIN = Reading({}, sees_all_graphs=False, needs_repair=False)
-"""Of a text with neither well-known prefixes nor anything else that a reading tells."""
-
-PLAIN_WITH_PREFIXES = Reading(dict(PREFIXES), sees_all_graphs=False, needs_repair=False)
-"""The same, but there may be prefixes."""
-
-
 def reading(sparql: str) -> Reading:
     """What a query text says; known from the last time if it was sent before.
 

@@ -5,7 +5,7 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -182,12 +182,32 @@ class EmbeddedStore(RdfStore):
             sparql: SPARQL 1.1 text; well-known prefixes need no declaration.
             default_graphs: merged into the default graph; by default the store's own.
             named_graphs: what `GRAPH` sees; by default all but the board's own notes.
-            extra: passed to `ask` and Oxigraph (known, custom_functions).
+            extra: passed to Oxigraph (substitutions, custom_functions).
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
         """
         return ask(self._store, sparql, default_graphs, named_graphs, self.named_graphs, **extra)
+
+    def point_query(
+        self, sparql: str, prefixes: Mapping[str, str]
+    ) -> tuple[int, QueryResults] | None:
+        """The results of a query that needs no repair, with the commit that they are exact at.
+
+        None if it does not parse, or a commit came in between.
+
+        Args:
+            sparql: patterns about one constant subject, and nothing else.
+            prefixes: that it may use without a declaration.
+        """
+        sequence, commit = self._sequence, self._applied
+        if sequence % 2:
+            return None
+        try:
+            results = self._store.query(sparql, prefixes=dict(prefixes))
+        except (SyntaxError, ValueError, OSError, RuntimeError):
+            return None
+        return (commit, results) if self._sequence == sequence else None
 
     def subjects(
         self, predicate: str, value: ox.NamedNode | ox.Literal | None = None, *, limit: int
