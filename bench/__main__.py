@@ -22,6 +22,7 @@ SCRIPTS = (
     "subscriptions",
     "crowd",
     "kills",
+    "mapping_frame",
     "mapping_scene",
     "furniture",
     "simulator",

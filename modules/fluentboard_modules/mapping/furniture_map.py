@@ -27,10 +27,12 @@ from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_item import (
     FurnitureChange,
     FurnitureItem,
+    FurniturePlane,
     box_overlap,
 )
 from fluentboard_modules.mapping.hypotheses import placing_box
 from fluentboard_modules.mapping.judge import FurnitureJudge
+from fluentboard_modules.mapping.near_misses import NearMiss
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_map import PlaneMap
 from fluentboard_modules.mapping.rules import (
@@ -41,6 +43,8 @@ from fluentboard_modules.mapping.rules import (
 )
 
 _LEVEL = 0.7  # of a normal's z
+_ROOM = frozenset({"FloorPlane", "CeilingPlane", "WallPlane"})
+_LEVELS = ("HorizontalPlane", "VerticalPlane")
 
 
 @dataclass(slots=True)
@@ -131,6 +135,22 @@ class FurnitureMap:
     def furniture(self) -> list[FurnitureItem]:
         """The pieces of furniture believed in now, oldest first."""
         return [track.item for track in self._tracks if track.is_accepted]
+
+    def near_misses(self) -> list[tuple[NearMiss, FurniturePlane]]:
+        """Planes that are nearly furniture and belong to no piece, the nearest first."""
+        identifiers, regions, verdict = self.classified_planes()
+        taken = {plane.identifier for item in self.furniture() for plane in item.planes}
+        found: list[tuple[NearMiss, FurniturePlane]] = []
+        for miss in verdict.near_misses:
+            labels = verdict.labels[miss.plane]
+            identifier = identifiers[miss.plane]
+            if identifier in taken or labels & _ROOM:
+                continue
+            label = next((name for name in _LEVELS if name in labels), "Plane")
+            frames = self._plane_map.planes[identifier].n_frames
+            plane = FurniturePlane(identifier, label, regions[miss.plane], frames)
+            found.append((miss, plane))
+        return found
 
     def classified_planes(
         self, *, explain: bool = True

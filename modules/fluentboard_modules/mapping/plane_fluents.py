@@ -26,18 +26,21 @@ def plane_fluents(
     links: list[Property] = []
     for index, plane in enumerate(item.planes):
         plane_name = stem if index == 0 else f"{stem}_{index}"
-        properties = tuple(
-            Property(measure, "xsd:double", value) for measure, value in _measures(plane).items()
-        )
-        evidence = (
-            Property("hasConfidence", "xsd:double", round(item.score, 4)),
-            Property("hasFrameCount", "xsd:integer", plane.n_frames),
-            Property("hasContour", "xsd:string", _contour_text(plane.region)),
-        )
-        fluents.append(Fluent(plane_name, plane.label, start, UNKNOWN, (*properties, *evidence)))
+        confidence = Property("hasConfidence", "xsd:double", round(item.score, 4))
+        properties = (*plane_properties(plane), confidence)
+        fluents.append(Fluent(plane_name, plane.label, start, UNKNOWN, properties))
         relation = "hasMainPlane" if index == 0 else "hasPlane"
         links.append(Property(relation, plane.label, plane_name))
     return fluents, tuple(links)
+
+
+def plane_properties(plane: FurniturePlane) -> tuple[Property, ...]:
+    """What was measured at a plane, its contour, and how many frames saw it."""
+    return (
+        *(Property(name, "xsd:double", value) for name, value in _measures(plane).items()),
+        Property("hasFrameCount", "xsd:integer", plane.n_frames),
+        Property("hasContour", "xsd:string", _contour_text(plane.region)),
+    )
 
 
 def _measures(plane: FurniturePlane) -> dict[str, float]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fluentboard.errors import InvalidInput
+from fluentboard.model.fluent import Fluent
 from fluentboard.model.geometry import Transform
 from fluentboard_client import AssertFluent, Client, Command, EndFluent, Event
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -27,6 +28,7 @@ from fluentboard_modules.mapping.map_frame import (
     write_transform,
 )
 from fluentboard_modules.mapping.model_map import with_models
+from fluentboard_modules.mapping.near_miss_fluents import near_miss_fluents
 from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
@@ -86,6 +88,7 @@ class MappingModule:
         )
         self._library = library or CadLibrary()
         self._places: RememberedPlaces | None = None
+        self._near_misses: tuple[Fluent, ...] = ()
         self._mesh = SceneMesh(self._config.mesh) if keeps_mesh else None
         self._first_s: float | None = None
         self._last_s = 0.0
@@ -125,6 +128,7 @@ class MappingModule:
         self._places = RememberedPlaces(planes, fusion, self._config.furniture.drop_score)
         if self._fluents.remembered:
             logger.info("the board knows %d pieces of furniture", len(self._fluents.remembered))
+        self._near_misses = tuple(board.fluents("NearMiss"))
         before = {f.name: f for f in board.fluents("MapFrame")}
         return commands_for(map_frame_fluents(self._source, self._T_map_world, before, geometry))
 
@@ -149,7 +153,8 @@ class MappingModule:
         if not self.span_s:
             return []
         self._map.settle()
-        return self._written(final=True)
+        misses = near_miss_fluents(self._map.near_misses(), self._near_misses, self._last_s)
+        return [*self._written(final=True), *commands_for(misses)]
 
     def status(self) -> str:
         """How many pieces of each class."""
