@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -120,3 +121,14 @@ def test_frames_of_all_runs_support_the_table(board: Client) -> None:
     frames = [float(stamp) for e in evidence for stamp in e.values("hasSupportingFrame")]
     assert len(frames) == len(set(frames)) > 2 * FRAMES
     assert [e.values("hasExistenceBelief") for e in evidence if e.is_open] == [(0.97,)]
+
+
+def test_documented_queries_explain_the_furniture(board: Client) -> None:
+    page = Path(__file__).parents[2] / "docs" / "reference" / "mapping.md"
+    blocks = page.read_text(encoding="utf-8").split("```sparql\n")[1:]
+    (moved,) = (piece for piece in board.fluents("Chair") if piece.is_open)
+    queries = [block.split("```")[0].replace("chair2", moved.name) for block in blocks]
+    support, why, why_not = (board.select(query) for query in queries)
+    assert len(support) >= FRAMES
+    assert {row["rule"] for row in why} >= {"ChairSeatPlaneRule"}
+    assert all(row["reason"] for row in why_not)
