@@ -6,6 +6,7 @@ Every input comes as an organised image, as an unorganised cloud, and registered
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,8 +28,8 @@ T_MAP_CAMERA = Transform.from_parts(
 )
 CONFIG = MappingConfig()
 RNG = np.random.default_rng(3)
-WALL = np.full((60, 80), 2.0, dtype=np.float32)
-DEPTHS: dict[str, FloatArray] = {
+WALL: FloatArray = np.full((60, 80), 2.0)
+DEPTHS: dict[str, Any] = {
     "flat": WALL,
     "single wall": np.repeat(np.linspace(1.5, 3.0, 80)[None], 60, axis=0),
     "no floor": np.where(np.arange(60)[:, None] < 30, WALL, 0.0),
