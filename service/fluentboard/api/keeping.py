@@ -144,8 +144,9 @@ class KeepingRoutes:
                 "/backup",
                 self.backup,
                 "getBackup",
-                "A copy of the journal",
-                "Made while the board goes on. `fluentboard restore` makes a board from it.",
+                "A copy of the journal, with the durable subscriptions",
+                "Made while the board goes on. `fluentboard restore` makes a board from it. It "
+                "holds the keys that posts are signed with.",
                 tag="operation",
                 role="admin",
                 parameters=(

@@ -56,8 +56,8 @@ def backup(
 ) -> None:
     """Back up a board while it is served.
 
-    The file holds the whole journal, or its beginning up to a commit: everything that `restore`
-    needs.
+    The file holds the whole journal, or its beginning up to a commit, and the durable
+    subscriptions with the keys that posts are signed with: everything that `restore` needs.
     """
     if file.exists():
         raise InvalidInput(f"{file} is there already; give a new file")
