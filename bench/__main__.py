@@ -32,6 +32,7 @@ SCRIPTS = (
     "anchoring_tables",
     "search",
     "search_plans",
+    "search_views",
 )
 _FOLDER = Path(__file__).resolve().parent
 _PAGE = _FOLDER.parent / "docs" / "benchmarks.md"

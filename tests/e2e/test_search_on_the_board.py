@@ -6,10 +6,12 @@ import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fluentboard.errors import UnreachableView
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox
 from fluentboard.model.interval import Interval
@@ -146,6 +148,57 @@ def test_ending_the_activity_cancels_the_search(service: ServiceProcess) -> None
         assert worker.records[-1].outcome == "cancelled"
         assert len(worker.records[-1].steps) == 1
         assert list(board.fluent("search_cancelled").values("hasResult")) == ["cancelled"]
+
+
+def test_a_search_survives_a_goal_that_fails_and_a_board_that_crashes(tmp_path: Path) -> None:
+    """The robot goes on while the board is away, and tells everything when it is back."""
+    first = ServiceProcess(tmp_path / "board")
+    first.start()
+    again = ServiceProcess(tmp_path / "board", port=int(first.address.rsplit(":", 1)[1]))
+    back = threading.Timer(0.5, again.start)
+    goals: list[View] = []
+
+    class Unlucky(WatchfulSimulatedRobot):
+        """Its first goal fails, and on its way to the second the board crashes."""
+
+        def move_to(self, view: View) -> float:
+            goals.append(view)
+            if len(goals) == 1:
+                raise UnreachableView("somebody stands in the way")
+            if len(goals) == 2:
+                first.kill()
+                back.start()
+            return super().move_to(view)
+
+    room = hidden_pepper_mill(1)
+    robot = Unlucky(
+        PR2, room.scene, room.start, np.random.default_rng(0), None, image_width=80, start_s=2.0
+    )
+    try:
+        with Client(first.address, author="search/pr2") as board:
+            ask(board, "search_unlucky")
+            world = replace(open_world(SOURCE), robot=robot)
+            worker = SearchWorker(
+                world, board, StopRequest(), name="pr2", config=QUICK, recognise=True
+            )
+            worker.run(once=True)
+            record = worker.records[-1]
+            assert record.outcome == "found"
+            assert [step.is_reached for step in record.steps[:2]] == [False, True]
+            assert all(view != goals[0] for view in goals[1:])
+            activity = board.fluent("search_unlucky")
+            assert list(activity.values("hasResult")) == ["found"]
+            views = [board.fluent(str(v)) for v in activity.values("hasView")]
+            assert [list(v.values("hasViewOutcome")) for v in views[:2]] == [
+                ["unreachable"],
+                ["taken"],
+            ]
+            assert len(views) == len(record.steps)
+    finally:
+        if back.ident is not None:
+            back.join()
+        first.kill()
+        again.kill()
 
 
 def test_the_context_of_anchoring_sets_the_probabilities(service: ServiceProcess) -> None:

@@ -159,8 +159,10 @@ class ObjectSearch:
             before_moving(step)
         unknown = self._region.unknown(self._occupancy)
         reached = self._go(chosen, planning_s)
+        left = self._region.unknown(self._occupancy)
+        revealed = unknown & ~left  # before any are given up: those were not seen
         if reached:
-            still = self._region.unknown(self._occupancy)[promised]
+            still = left[promised]
             self._misses[promised[still]] += 1
             self._region.excluded |= self._misses >= self._config.misses_max
         else:
@@ -176,12 +178,13 @@ class ObjectSearch:
             candidates=step.candidates,
             gains=step.gains,
             expected_cells=step.expected_cells,
-            revealed_cells=int(unknown.sum() - left.sum()),
+            revealed_cells=int(revealed.sum()),
             unknown_cells=int(left.sum()),
             remaining_probability=step.remaining_probability,
             path=step.path,
             moment=self.record.moments[-1],
             stamp_s=self._robot.time_s,
+            kept_cells=int(revealed[promised].sum()),
         )
         self.record.steps.append(done)
         return done

@@ -44,6 +44,7 @@ class SearchStep:
         path: `(n, 2)`; the way there.
         moment: after the step.
         stamp_s: the robot's clock after the step.
+        kept_cells: of those that the view promised, how many became known.
     """
 
     view: View
@@ -61,6 +62,7 @@ class SearchStep:
     path: FloatArray
     moment: Moment
     stamp_s: float
+    kept_cells: int = 0
 
 
 @dataclass(eq=False)

@@ -124,3 +124,31 @@ def story(record: SearchRecord) -> str:
         f"{record.outcome or 'going on'} after {len(record.steps)} views and "
         f"{record.duration_s:.0f} s; {100 * record.probability:.0f} % of what was believed is seen"
     )
+
+
+def result_fluent(name: str, result: str) -> Fluent:
+    """A search with how it ended."""
+    return Fluent(
+        name, "SearchObjectActivity", properties=(Property("hasResult", "xsd:string", result),)
+    )
+
+
+def belief_fluents(
+    search: str, believed: dict[str, float], robot: str, time_s: float
+) -> list[Statement]:
+    """What the memory of the board says about the volumes of a search, from a time on."""
+    return [
+        Fluent(
+            f"belief_{volume}_{robot}",
+            "VolumeBelief",
+            Interval.at(time_s),
+            UNKNOWN,
+            (
+                Property("isBeliefOfSearch", "SearchObjectActivity", search),
+                Property("isBeliefAbout", "SearchVolume", volume),
+                Property("hasProbability", "xsd:double", round(probability, 6)),
+                Property("hasProbabilitySource", "xsd:string", "co-occurrence"),
+            ),
+        )
+        for volume, probability in believed.items()
+    ]

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,22 +13,22 @@ from fluentboard.errors import (
     BoardUnreachable,
     FluentboardError,
     NotARefinement,
-    UnknownFluent,
 )
 from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.geometry import BoundingBox, FloatArray
-from fluentboard.model.interval import UNKNOWN, Interval
-from fluentboard_client import AssertFluent, Client, Command, EndFluent, Iri
+from fluentboard.model.geometry import BoundingBox
+from fluentboard.model.interval import Interval
+from fluentboard_client import AssertFluent, Client, Command, EndFluent
 from fluentboard_modules.frames.live import FramePublisher
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.geometry_fluents import box_fluents, pose_fluent, pose_of
 from fluentboard_modules.progress import FrameProgress
+from fluentboard_modules.search.board_memory import BoardMemory
 from fluentboard_modules.search.config import SearchConfig
-from fluentboard_modules.search.cooccurrence import Sighting, probabilities_from_memory
+from fluentboard_modules.search.cooccurrence import probabilities_from_memory
 from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
 from fluentboard_modules.search.octomap_files import read_octomap, write_octomap
 from fluentboard_modules.search.pictures import SearchAlbum
+from fluentboard_modules.search.recognition import recognised
 from fluentboard_modules.search.record import SearchRecord, SearchStep
 from fluentboard_modules.search.region import SearchVolume, region_of
 from fluentboard_modules.search.request import (
@@ -40,27 +37,21 @@ from fluentboard_modules.search.request import (
     volume_fluents,
     volumes_over,
 )
-from fluentboard_modules.search.search_fluents import SearchFluents, story
+from fluentboard_modules.search.search_fluents import (
+    SearchFluents,
+    belief_fluents,
+    result_fluent,
+    story,
+)
 from fluentboard_modules.search.worlds import SearchWorld
 from fluentboard_modules.statements import Ending, Statement
 from fluentboard_modules.worker import BatchWriter, StopRequest
 
 logger = logging.getLogger(__name__)
 
-_Answer = TypeVar("_Answer")
-
 _IDLE_S = 0.5
 _CONTEXT_WAIT_S = 10.0
 _DEFAULT_PROBABILITY = 0.2  # P_i of Section 5.3
-_PIXELS_TO_RECOGNISE = 40  # of an image of 640 pixels width, in simulation
-_OBJECTS = """
-SELECT ?object ?class ?x ?y ?z ?ends WHERE {
-  ?object upper:hasPose ?pose ; a ?own .
-  ?own rdfs:subClassOf* ?class .
-  ?pose upper:hasX ?x ; upper:hasY ?y ; upper:hasZ ?z ; upper:hasFinishEarliest ?ends .
-  ?own rdfs:subClassOf* upper:PassiveObject .
-}
-"""
 
 
 class SearchWorker:
@@ -96,7 +87,6 @@ class SearchWorker:
         recognise: bool = False,
     ) -> None:
         self._world = world
-        self._board = board
         self._stop = stop
         self._name = name
         self._config = config or SearchConfig()
@@ -106,6 +96,7 @@ class SearchWorker:
         self._recognise = recognise
         self._plot = plot
         self._writer = BatchWriter(board, FrameProgress(), stop)
+        self._memory = BoardMemory(board, name, self._writer.await_board)
         self._left: set[str] = set()
         self._recognised_in: set[str] = set()
         if map_file is not None and map_file.exists():
@@ -118,7 +109,7 @@ class SearchWorker:
     def run(self, once: bool = False) -> None:
         """Serves requests until asked to stop, or, with `once`, until one has been served."""
         while not self._stop.is_asked:
-            activity = self._patiently(self._next_request)
+            activity = self._memory.next_request(self._left)
             if activity is None:
                 self._stop.wait(_IDLE_S)
             else:
@@ -127,12 +118,6 @@ class SearchWorker:
                     return
 
     # -- one search -----------------------------------------------------------------------------
-
-    def _next_request(self) -> Fluent | None:
-        for activity in self._board.fluents("SearchObjectActivity", is_open=True):
-            if activity.name not in self._left:
-                return activity
-        return None
 
     def _serve(self, activity: Fluent) -> None:
         told = SearchFluents(activity.name, self._name, self._world.robot.model)
@@ -177,7 +162,7 @@ class SearchWorker:
         shown: list[SensorFrame] = []
         search.on_frame = shown.append
         self._write(told.begin(robot.time_s))
-        if self._patiently(lambda: self._found(request)) is None:
+        if self._memory.found(request) is None:
             search.look_around()
 
         def claim(planned: SearchStep) -> None:
@@ -187,26 +172,24 @@ class SearchWorker:
 
         while True:
             self._take_note(shown, request)
-            found = self._patiently(lambda: self._found(request))
+            found = self._memory.found(request)
             if found is not None:
                 search.end("found")
                 if album is not None:
-                    album.sought_map = self._patiently(partial(self._place_of, found))
+                    album.sought_map = self._memory.place_of(found)
                 self._conclude(told, request.name, "found", found)
                 return
-            if self._stop.is_asked or not self._patiently(lambda: self._is_open(request.name)):
+            if self._stop.is_asked or not self._memory.is_open(request.name):
                 search.end("cancelled")
                 self._write(told.leave(robot.time_s))
-                if not self._stop.is_asked and not self._patiently(
-                    lambda: self._board.fluent(request.name).values("hasResult")
-                ):
-                    self._write([_with_result(request.name, "cancelled")])
+                if not self._stop.is_asked and not self._memory.has_result(request.name):
+                    self._write([result_fluent(request.name, "cancelled")])
                 return
-            self._patiently(lambda: self._mind_others(search, request))
-            self._patiently(lambda: self._hear_beliefs(search, request))
+            self._mind_others(search, request)
+            self._hear_beliefs(search, request)
             step = search.step(claim)
             if step is None:
-                others = self._patiently(lambda: self._others_at_work(request.name))
+                others = self._memory.others_at_work(request.name)
                 if others:
                     self._write(told.leave(robot.time_s))
                 else:
@@ -224,18 +207,20 @@ class SearchWorker:
         try:
             self._write(told.result(outcome, time_s, found))
         except NotARefinement:
-            if self._patiently(lambda: self._is_open(search)):
+            if self._memory.is_open(search):
                 raise
             logger.info("search %s was ended by another robot", search)
 
     def _say(self, step: SearchStep, request: SearchRequest) -> None:
         logger.info(
-            "search %s: at %.0f s %s %d of %d cells expected; %.0f %% seen, %d views planned",
+            "search %s: at %.0f s %s %d of %d cells promised, %d in all; %.0f %% seen, %d views "
+            "planned",
             request.name,
             step.moment.elapsed_s,
             "saw" if step.is_reached else "could not reach",
-            step.revealed_cells,
+            step.kept_cells,
             step.expected_cells,
+            step.revealed_cells,
             100.0 * step.moment.probability,
             len(step.plan),
         )
@@ -244,18 +229,19 @@ class SearchWorker:
 
     def _prepared(self, activity: Fluent) -> tuple[SearchRequest, list[SearchVolume]]:
         """The request and its volumes with probabilities; volumes are written if it names none."""
-        request = self._patiently(lambda: read_request(activity, self._geometry(), self._config))
+        request = read_request(activity, self._memory.geometry(), self._config)
         places = [(name, box) for name, box, _ in request.volumes]
         if not places:
-            places = self._patiently(lambda: self._own_volumes(request.name))
+            places = self._own_volumes(request.name)
         given = {name: p for name, _, p in request.volumes if p is not None}
         believed: dict[str, float] = {}
         if request.source == "co-occurrence" and request.target_class:
             boxes = [box for _, box in places]
-            sightings = self._patiently(self._sightings)
+            sightings = self._memory.sightings()
             found = probabilities_from_memory(request.target_class, boxes, sightings)
             believed = {name: p for (name, _), p in zip(places, found, strict=True)}
-            self._write(_beliefs(request.name, believed, self._name, self._world.robot.time_s))
+            time_s = self._world.robot.time_s
+            self._write(belief_fluents(request.name, believed, self._name, time_s))
         elif request.source == "context":
             believed = self._await_beliefs(request.name, [name for name, _ in places])
         return request, [
@@ -265,10 +251,10 @@ class SearchWorker:
 
     def _own_volumes(self, search: str) -> list[tuple[str, BoundingBox]]:
         """Volumes above the placing areas, or those of the world; written to the board."""
-        areas = self._board.fluents("PlacingArea", is_open=True)
+        areas = self._memory.placing_areas()
         over = [
             volume
-            for volume in volumes_over(areas, self._geometry(is_open=True))
+            for volume in volumes_over(areas, self._memory.geometry(is_open=True))
             if self._holds_cells(*volume[:2])
         ]
         if not over:
@@ -294,27 +280,11 @@ class SearchWorker:
         )
         return False
 
-    def _geometry(self, is_open: bool | None = None) -> dict[str, Fluent]:
-        classes = ("SearchVolume", "BBox", "Pose")
-        return {f.name: f for c in classes for f in self._board.fluents(c, is_open=is_open)}
-
-    def _sightings(self) -> list[Sighting]:
-        classes: dict[tuple[str, float, float, float, float], set[str]] = {}
-        for row in self._board.select(_OBJECTS):
-            thing, above = row["object"], row["class"]
-            if isinstance(thing, Iri) and isinstance(above, Iri):
-                x, y, z, ends = (float(row[key] or 0.0) for key in ("x", "y", "z", "ends"))
-                classes.setdefault((thing.name, x, y, z, ends), set()).add(above.name)
-        return [
-            Sighting(name, frozenset(above), np.array([x, y, z]), math.isinf(ends))
-            for (name, x, y, z, ends), above in classes.items()
-        ]
-
     def _await_beliefs(self, search: str, volumes: Sequence[str]) -> dict[str, float]:
         """What the anchoring module believes about the volumes; what it knows after 10 s."""
         deadline = time.monotonic() + _CONTEXT_WAIT_S
         while True:
-            believed = self._patiently(lambda: self._beliefs_on(search))
+            believed = self._memory.beliefs_on(search)
             if set(volumes) <= believed.keys():
                 return believed
             if time.monotonic() > deadline or self._stop.wait(_IDLE_S):
@@ -326,66 +296,17 @@ class SearchWorker:
                 )
                 return believed
 
-    def _beliefs_on(self, search: str) -> dict[str, float]:
-        """The newest open belief about every volume."""
-        found: dict[str, tuple[int, float]] = {}
-        for belief in self._board.fluents(
-            "VolumeBelief", is_open=True, property_name="isBeliefOfSearch", value=search
-        ):
-            for volume in belief.values("isBeliefAbout"):
-                known = found.get(str(volume), (-1, 0.0))
-                value = float(belief.values("hasProbability")[-1])
-                found[str(volume)] = max(known, (belief.created, value))
-        return {name: probability for name, (_, probability) in found.items()}
-
     def _hear_beliefs(self, search: ObjectSearch, request: SearchRequest) -> None:
         if request.source != "context":
             return
-        believed = self._beliefs_on(request.name)
+        believed = self._memory.beliefs_on(request.name)
         region = search.region
         region.believe([believed.get(v.name, v.probability) for v in region.volumes])
 
-    def _found(self, request: SearchRequest) -> Fluent | None:
-        """The target on the board: an open object with a pose."""
-        if request.target_name:
-            try:
-                candidates: Iterable[Fluent] = [self._board.fluent(request.target_name)]
-            except UnknownFluent:
-                return None
-        else:
-            candidates = self._board.fluents(request.target_class, is_open=True)
-        for fluent in candidates:
-            if fluent.finish.is_unknown and fluent.values("hasPose"):
-                return fluent
-        return None
-
-    def _place_of(self, thing: Fluent) -> FloatArray:
-        pose = pose_of(self._board.fluent(str(thing.values("hasPose")[-1])))
-        return np.array([pose.x, pose.y, pose.z])
-
-    def _is_open(self, name: str) -> bool:
-        return self._board.fluent(name).finish.is_unknown
-
-    # -- other robots ---------------------------------------------------------------------------
-
-    def _other_views(self, search: str) -> list[Fluent]:
-        names = [str(v) for v in self._board.fluent(search).values("hasView")]
-        views = [self._board.fluent(name) for name in names]
-        return [v for v in views if self._name not in map(str, v.values("hasRobot"))]
-
-    def _others_at_work(self, search: str) -> bool:
-        return any(view.finish.is_unknown for view in self._other_views(search))
-
     def _mind_others(self, search: ObjectSearch, request: SearchRequest) -> None:
         """Leaves to other robots what they have claimed or taken."""
-        for view in self._other_views(request.name):
-            outcome = view.values("hasViewOutcome")
-            if outcome and outcome[-1] != "taken":
-                continue
-            poses = view.values("hasPose")
-            if poses:
-                pose = pose_of(self._board.fluent(str(poses[-1])))
-                search.elsewhere[search.cells_seen_from(pose.to_transform())] = True
+        for T_map_sensor in self._memory.taken_by_others(request.name):
+            search.elsewhere[search.cells_seen_from(T_map_sensor)] = True
 
     # -- frames ---------------------------------------------------------------------------------
 
@@ -397,31 +318,11 @@ class SearchWorker:
                 except BoardUnreachable as problem:
                     logger.info("a frame was not sent: %s", problem)
             if self._recognise and request.name not in self._recognised_in:
-                seen = self._recognised(frame, request)
+                seen = recognised(frame, request, self._world)
                 if seen:
                     self._recognised_in.add(request.name)
                     self._write(seen)
         frames.clear()
-
-    def _recognised(self, frame: SensorFrame, request: SearchRequest) -> list[Statement]:
-        """In simulation: the sought thing as an object, if enough of the frame shows it."""
-        if frame.labels is None:
-            return []
-        enough = _PIXELS_TO_RECOGNISE * (frame.camera.width / 640.0) ** 2
-        counts = np.bincount(frame.labels[frame.depth_m <= self._world.robot.model.range_m[1]])
-        for label, thing in self._world.things.items():
-            sought = request.target_name == thing.name or request.target_class == thing.cls
-            if sought and label < len(counts) and counts[label] >= enough:
-                since, stem = Interval.at(frame.stamp_s), f"{thing.name}_{request.name}"
-                pose = pose_fluent(f"pose_{stem}", thing.pose, since)
-                box = box_fluents(f"bBox_{stem}", f"poseBB_{stem}", thing.box, since)
-                links = (
-                    Property("hasPose", "Pose", pose.name),
-                    Property("hasBoundingBox", "BBox", box[0].name),
-                    Property("hasConfidence", "xsd:double", 1.0),
-                )
-                return [pose, *box, Fluent(thing.name, thing.cls, since, UNKNOWN, links)]
-        return []
 
     # -- board ----------------------------------------------------------------------------------
 
@@ -439,41 +340,3 @@ class SearchWorker:
         ]
         if commands:
             self._writer.write(commands)
-
-    def _patiently(self, ask: Callable[[], _Answer]) -> _Answer:
-        """Asks the board, and again when it is back if it was away.
-
-        Raises:
-            BoardUnreachable: the worker was asked to stop while the board was away.
-        """
-        while True:
-            try:
-                return ask()
-            except BoardUnreachable as problem:
-                logger.info("%s", problem)
-                if not self._writer.await_board():
-                    raise
-
-
-def _with_result(name: str, result: str) -> Fluent:
-    return Fluent(
-        name, "SearchObjectActivity", properties=(Property("hasResult", "xsd:string", result),)
-    )
-
-
-def _beliefs(search: str, believed: dict[str, float], robot: str, time_s: float) -> list[Statement]:
-    return [
-        Fluent(
-            f"belief_{volume}_{robot}",
-            "VolumeBelief",
-            Interval.at(time_s),
-            UNKNOWN,
-            (
-                Property("isBeliefOfSearch", "SearchObjectActivity", search),
-                Property("isBeliefAbout", "SearchVolume", volume),
-                Property("hasProbability", "xsd:double", round(probability, 6)),
-                Property("hasProbabilitySource", "xsd:string", "co-occurrence"),
-            ),
-        )
-        for volume, probability in believed.items()
-    ]

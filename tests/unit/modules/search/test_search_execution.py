@@ -65,7 +65,9 @@ def test_a_search_goes_on_until_little_is_left_to_see(room: SearchScene) -> None
     assert probability == sorted(probability)
     assert probability[-1] > 0.4
     assert 0.0 < record.expected_time_s(with_planning=False) < record.duration_s
-    assert all(step.revealed_cells >= 0 for step in steps)
+    assert all(step.revealed_cells >= step.kept_cells >= 0 for step in steps)
+    kept = sum(step.kept_cells for step in steps) / sum(step.expected_cells for step in steps)
+    assert kept > 0.75  # what views promise comes true, on the way or at the view
     assert sum(len(step.path) > 1 for step in steps) > 2
 
 
@@ -174,6 +176,8 @@ def test_views_that_never_keep_their_promise_are_blacklisted(room: SearchScene) 
     promised = [step.expected_cells for step in search.record.steps]
     assert all(promised)  # no view is taken for what it failed to show before
     assert int(search.region.excluded.sum()) == sum(promised)
+    # What is given up was not seen.
+    assert not any(step.revealed_cells or step.kept_cells for step in search.record.steps)
 
 
 def test_gaps_that_cannot_hold_the_object_are_not_searched(room: SearchScene) -> None:
