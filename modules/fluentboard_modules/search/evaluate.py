@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -93,7 +94,7 @@ def evaluate_search(experiments: Sequence[str], options: EvaluationOptions) -> d
         "trials": options.trials,
         "seed": options.seed,
         "looks_on_the_way": options.looks_on_the_way,
-        "experiments": {name: [asdict(r) for r in rows] for name, rows in tables.items()},
+        "experiments": {name: [_finite(r) for r in rows] for name, rows in tables.items()},
         "table_5_1": run_times,
     }
     if options.output is not None:
@@ -157,35 +158,44 @@ def _table(title: str) -> Table:
 def _figure_5_9(experiment: str, rows: Sequence[Summary]) -> Table:
     """Greedy, the settings of the thesis's planner from the best on, and ours."""
     table = _table(f"{experiment}: {TITLES[experiment]}")
-    table.add_column("planner")
-    for name in (
-        "trials",
-        "E[T] moving",
-        "E[T] with planning",
-        "against greedy",
-        "at equal end",
-        "looks",
-        "gap",
-    ):
+    table.add_column("planner", no_wrap=True)
+    heads = ["trials", "E[T] moving", "with planning", "against greedy", "looks", "gap"]
+    if experiment != "offline":  # where all plans end alike
+        heads.insert(4, "at equal end")
+    for name in heads:
         table.add_column(name, justify="right")
     bounded = sorted((r for r in rows if r.planner.startswith("b&b")), key=lambda r: r.total_s)
     others = [r for r in rows if not r.planner.startswith("b&b")]
     for row in (others[0], *bounded, *others[1:]):
+        compared = [_percent(row.against_greedy, row.against_interval)]
+        if experiment != "offline":
+            compared.append(_percent(row.at_equal_end, row.equal_end_interval))
         table.add_row(
             row.planner,
             str(row.trials),
             f"{row.moving_s:.1f} s",
-            f"{row.total_s:.1f} ± {row.interval_s:.1f} s",
-            ""
-            if row.planner == "greedy"
-            else f"{100 * row.against_greedy:+.1f} ± {100 * row.against_interval:.1f} %",
-            ""
-            if row.planner == "greedy"
-            else f"{100 * row.at_equal_end:+.1f} ± {100 * row.equal_end_interval:.1f} %",
+            f"{row.total_s:.1f}{_give_or_take(row.interval_s)} s",
+            *("" if row.planner == "greedy" else text for text in compared),
             f"{row.looks:.1f}",
             f"{row.gap:.2f}",
         )
     return table
+
+
+def _percent(value: float, interval: float) -> str:
+    return f"{100 * value:+.1f}{_give_or_take(100 * interval)} %"
+
+
+def _give_or_take(interval: float) -> str:
+    return f" ± {interval:.1f}" if math.isfinite(interval) else ""
+
+
+def _finite(summary: Summary) -> dict[str, Any]:
+    """For JSON, which knows no infinity: what one trial does not tell is null."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in asdict(summary).items()
+    }
 
 
 def _table_5_1(measured: dict[str, float]) -> Table:

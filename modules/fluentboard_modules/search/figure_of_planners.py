@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -33,10 +34,8 @@ def draw_figure_5_9(tables: Mapping[str, Sequence[Summary]], path: Path) -> None
     count = sum(len(rows) for _, rows in chosen)
     figure = Figure(figsize=(8.4, 0.9 + 0.42 * count + 0.3 * len(chosen)), facecolor=_PAPER)
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.31, 0.6 / figure.get_figheight(), 0.62, 1.0))
-    axes.set_position(
-        (0.31, 0.62 / figure.get_figheight(), 0.62, 1 - 0.74 / figure.get_figheight())
-    )
+    height = figure.get_figheight()
+    axes = figure.add_axes((0.31, 0.62 / height, 0.62, 1.0 - 0.74 / height))
     axes.set_facecolor(_PAPER)
     y, longest = 0.0, 0.0
     for name, rows in chosen:
@@ -47,13 +46,17 @@ def draw_figure_5_9(tables: Mapping[str, Sequence[Summary]], path: Path) -> None
             axes.barh(
                 y, row.total_s - row.moving_s, 0.7, left=row.moving_s, color=colour, alpha=0.4
             )
-            axes.errorbar(row.total_s, y, xerr=row.interval_s, color=_INK, capsize=2.5, lw=0.9)
-            end = row.total_s + row.interval_s
+            # One start tells no interval.
+            interval = row.interval_s if math.isfinite(row.interval_s) else 0.0
+            axes.errorbar(row.total_s, y, xerr=interval, color=_INK, capsize=2.5, lw=0.9)
+            end = row.total_s + interval
             longest = max(longest, end)
             axes.text(-2.0, y, row.planner, ha="right", va="center", color=_INK, fontsize=8.5)
             text = f"{row.total_s:.0f} s"
             if row.planner != "greedy":
-                text += f"  ({100 * row.against_greedy:+.1f} ± {100 * row.against_interval:.1f} %)"
+                paired = 100 * row.against_interval
+                give_or_take = f" ± {paired:.1f}" if math.isfinite(paired) else ""
+                text += f"  ({100 * row.against_greedy:+.1f}{give_or_take} %)"
             axes.text(end + 2.0, y, text, va="center", color=_INK, fontsize=8.5)
             y += 1.0
         axes.text(

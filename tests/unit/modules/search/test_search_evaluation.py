@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from fluentboard.errors import InvalidInput
+from fluentboard_modules.search import evaluate
 from fluentboard_modules.search.config import PlannerConfig
+from fluentboard_modules.search.evaluate import EvaluationOptions, evaluate_search
 from fluentboard_modules.search.evaluation import Result, Trial, World, run_trial, world_of
 from fluentboard_modules.search.figure_of_planners import draw_figure_5_9
 from fluentboard_modules.search.kept_trials import KeptTrial, TrialFolder, export_trial, kept
@@ -96,3 +98,31 @@ def test_figure_5_9_is_drawn(trial: Trial, tmp_path: Path) -> None:
     rows = summarise([kept(trial), kept(trial)], [p.name for p in PLANNERS])
     draw_figure_5_9({"offline": rows, "known": rows}, tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 5_000
+
+
+def test_an_evaluation_goes_on_where_it_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = EvaluationOptions(
+        trials=1,
+        whole_grid=False,
+        keep=tmp_path / "kept",
+        export=tmp_path / "export",
+        output=tmp_path / "numbers.json",
+        picture=tmp_path / "figure.png",
+    )
+    first = evaluate_search(["offline"], options)
+    assert json.loads((tmp_path / "numbers.json").read_text()) == first
+    assert (tmp_path / "export" / "instance-00.npz").exists()
+    assert (tmp_path / "figure.png").exists()
+    rows = first["experiments"]["offline"]
+    assert [row["planner"] for row in rows] == ["greedy", "b&b ψ=2 φ=1.3 ζ=0", "local search"]
+    assert rows[0]["total_s"] > rows[2]["total_s"]
+    assert "Table 5.1" in capsys.readouterr().out
+
+    def never(*_: object) -> None:
+        raise AssertionError("a trial ran again")
+
+    monkeypatch.setattr(evaluate, "run_trial", never)
+    again = evaluate_search(["offline"], replace(options, export=None))
+    assert again["experiments"] == first["experiments"]
