@@ -26,6 +26,7 @@ from fluentboard.api.exchange import (
     json_reply,
     utf8_text,
 )
+from fluentboard.api.mistakes import located
 from fluentboard.api.negotiation import content_type, negotiated
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
 from fluentboard.api.results import file_chunks
@@ -54,11 +55,6 @@ _FORM = "application/x-www-form-urlencoded"
 _DIRECT = "application/sparql-query"
 _UPDATE = "application/sparql-update"
 
-# How much of a query is shown on either side of a mistake, and how many alternatives.
-_CONTEXT = 30
-_EXPECTED_MAX = 8
-
-_POSITION = re.compile(r"error at (\d+):(\d+)")
 _CHARSET = re.compile(r";\s*charset=\"?([^\s\";]+)", re.IGNORECASE)
 
 _RELATIVE_IRI = re.compile(r"<(?![A-Za-z][A-Za-z0-9+.-]*:)[^<>\"{}|^`\\\x00-\x20]*>")
@@ -142,7 +138,7 @@ class SparqlRoutes:
                 values.get("using-named-graph-uri", ()),
             )
         except InvalidQuery as problem:
-            raise _located(problem, texts[0]) from None
+            raise located(problem, texts[0]) from None
         return json_reply(update_receipt(commit), 200, [commit_header(commit.number)])
 
     def _description(self, call: Call) -> Reply:
@@ -177,7 +173,7 @@ class SparqlRoutes:
         try:
             result = await self._evaluator.evaluate(question)
         except InvalidQuery as problem:
-            raise _located(problem, text, len(base)) from None
+            raise located(problem, text, len(base)) from None
         return result_reply(result)
 
     def operations(self) -> list[Operation]:
@@ -378,34 +374,6 @@ _TIMES = (
         example="17",
     ),
 )
-
-
-def _located(problem: InvalidQuery, query: str, offset: int = 0) -> InvalidQuery:
-    """The problem with the place in the query, instead of all that could have stood there.
-
-    Args:
-        problem: what the engine says.
-        query: as the client sent it.
-        offset: how many characters the engine saw before it.
-    """
-    position = _POSITION.search(problem.message)
-    if position is None:
-        return problem
-    line, column = int(position[1]), int(position[2])
-    if line == 1:
-        column = max(1, column - offset)
-    # A mistake at the end may be behind the last line break.
-    text = [*query.split("\n"), ""][min(line - 1, query.count("\n") + 1)]
-    before, _, expected = problem.message.partition("expected one of")
-    few = expected.count(",") < _EXPECTED_MAX
-    begin = max(0, column - 1 - _CONTEXT)
-    near = text[begin : column - 1 + _CONTEXT]
-    message = problem.message if few else before.rstrip(": ")
-    message = _POSITION.sub(f"error at {line}:{column}", message)
-    return InvalidQuery(
-        f"{message} (line {line}, column {column}, near {near!r})",
-        **{**problem.detail, "line": line, "column": column},
-    )
 
 
 def _result_contents() -> dict[str, Content]:
