@@ -261,13 +261,15 @@ def _best_of(
         covariance = align(points, model, initial.standing, config.alignment).covariance
     if best.visibility.score(config.visibility) < _SETTLED_SCORE:
         best = _searched(model, best, views, config)
-    covariance = covariance + _play(model, best, views, config)
     score, initial_score = (t.visibility.score(config.visibility) for t in (best, initial))
     if geometry.main_side == "front":
         # All that is measured lies in one plane: whether it is a front shows in its relief.
         relief = front_relief_m(model, best.standing.transform, views, config.visibility)
         share = float(np.clip(relief / config.relief_m, 0.0, 1.0))
         score, initial_score = share * score, share * initial_score
+    is_accepted = score >= (config.accept_exact_score if model.is_exact else config.accept_score)
+    if is_accepted:
+        covariance = covariance + _play(model, best, views, config)
     return Verdict(
         model,
         best.standing,
@@ -276,7 +278,7 @@ def _best_of(
         initial_score,
         best.visibility,
         covariance,
-        score >= (config.accept_exact_score if model.is_exact else config.accept_score),
+        is_accepted,
         len(views),
     )
 
