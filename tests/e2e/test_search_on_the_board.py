@@ -13,11 +13,14 @@ import pytest
 
 from fluentboard.errors import UnreachableView
 from fluentboard.model.fluent import Fluent, Property
-from fluentboard.model.geometry import BoundingBox
-from fluentboard.model.interval import Interval
+from fluentboard.model.geometry import BoundingBox, Pose
+from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
+from fluentboard_modules.geometry_fluents import pose_fluent
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
+from fluentboard_modules.search.occupancy import OccupancyMap
+from fluentboard_modules.search.octomap_files import read_octomap, write_octomap
 from fluentboard_modules.search.record import SearchRecord
 from fluentboard_modules.search.region import SearchVolume
 from fluentboard_modules.search.request import request_fluents
@@ -51,13 +54,25 @@ def volumes_of_the_room() -> Mapping[str, BoundingBox]:
     return open_world(SOURCE).volumes
 
 
-def ask(board: Client, name: str, *, source: str = "", cls: str = "PepperMill") -> None:
+def ask(
+    board: Client,
+    name: str,
+    *,
+    source: str = "",
+    cls: str = "PepperMill",
+    is_afresh: bool = False,
+) -> None:
     volumes = [
         SearchVolume(f"{name}_{volume}", box, 0.2) for volume, box in volumes_of_the_room().items()
     ]
     board.assert_fluents(
         request_fluents(
-            name, target_class=cls, volumes=volumes, source=source, start=Interval.at(1.0)
+            name,
+            target_class=cls,
+            volumes=volumes,
+            source=source,
+            is_afresh=is_afresh,
+            start=Interval.at(1.0),
         )
     )
 
@@ -199,6 +214,63 @@ def test_a_search_survives_a_goal_that_fails_and_a_board_that_crashes(tmp_path: 
             back.join()
         first.kill()
         again.kill()
+
+
+def test_a_robot_that_knows_everything_looks_again_when_it_shall_search_afresh(
+    service: ServiceProcess, tmp_path: Path
+) -> None:
+    kept = tmp_path / "kept.bt"
+    known = OccupancyMap(QUICK.resolution_m)
+    for box in volumes_of_the_room().values():
+        known.set_cells(known.cells_in(box), -1.0)
+    write_octomap(known, kept)
+    with Client(service.address, author="search/pr4") as board:
+        worker = SearchWorker(
+            open_world(SOURCE, start_s=2.0),
+            board,
+            StopRequest(),
+            name="pr4",
+            config=QUICK.model_copy(update={"time_budget_s": 12.0}),
+            map_file=kept,
+        )
+        ask(board, "search_known", cls="Fork")
+        worker.run(once=True)
+        assert worker.records[-1].outcome == "exhausted"
+        assert not worker.records[-1].steps
+        ask(board, "search_afresh", cls="Fork", is_afresh=True)
+        worker.run(once=True)
+        assert worker.records[-1].steps
+        # What it saw is kept, and the board says where.
+        assert read_octomap(kept).known_count > known.known_count
+        assert list(board.fluent("occupancyMap_pr4").values("hasMapFile")) == [str(kept)]
+
+
+def test_a_search_waits_for_who_recognises_what_it_has_seen(service: ServiceProcess) -> None:
+    with Client(service.address, author="search/pr5") as board:
+        ask(board, "search_spoon", cls="Spoon")
+        since = Interval.at(3.0)
+
+        def recognise() -> None:
+            with Client(service.address, author="anchoring") as other:
+                pose = pose_fluent("poseSpoon", Pose(1.0, 2.0, 0.8), since)
+                link = Property("hasPose", "Pose", pose.name)
+                other.assert_fluents([pose, Fluent("spoon1", "Spoon", since, UNKNOWN, (link,))])
+
+        late = threading.Timer(1.0, recognise)
+        worker = SearchWorker(
+            open_world(SOURCE, start_s=2.0),
+            board,
+            StopRequest(),
+            name="pr5",
+            config=QUICK,
+            recognition_s=30.0,
+        )
+        late.start()
+        worker.run(once=True)
+        late.join()
+        assert worker.records[-1].outcome == "found"
+        assert worker.records[-1].steps == []  # it had seen enough from where it stood
+        assert list(board.fluent("search_spoon").values("hasFoundObject")) == ["spoon1"]
 
 
 def test_the_context_of_anchoring_sets_the_probabilities(service: ServiceProcess) -> None:

@@ -69,10 +69,27 @@ def work_search(
             "--map", metavar="FILE", help="Keep the map there (.bt, .ot); read if it exists."
         ),
     ] = None,
+    forget: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.001,
+            help="The map fades: confidence halves in that time, until a cell is unknown again.",
+        ),
+    ] = None,
     publish: Annotated[
         bool,
         typer.Option("--publish", help="Send the frames to the board, for an anchoring worker."),
     ] = False,
+    recognition_time: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.0,
+            help="After every look, wait so long for an anchoring worker to write what is sought: "
+            "a simulated robot is faster than it.",
+        ),
+    ] = 0.0,
     recognise: Annotated[
         bool,
         typer.Option(
@@ -96,6 +113,7 @@ def work_search(
     """
     log_to_stderr(verbose)
     with needs_extra("search"):
+        from fluentboard_modules.search.config import SearchConfig
         from fluentboard_modules.search.run import run_search_worker
         from fluentboard_modules.search.search_fluents import story
     records = run_search_worker(
@@ -105,10 +123,12 @@ def work_search(
         name=name,
         map_file=map_file,
         publish=publish,
+        recognition_s=recognition_time,
         recognise=recognise,
         once=once,
         seed=seed,
         token=token,
+        config=SearchConfig(fade_half_life_s=forget),
         plot=plot,
     )
     for record in records:
@@ -153,6 +173,10 @@ def search(
         float | None,
         typer.Option(metavar="M", help="Gaps that cannot hold such a cube need no look."),
     ] = None,
+    afresh: Annotated[
+        bool,
+        typer.Option("--afresh", help="Forget what is known of the volumes: things have moved."),
+    ] = False,
     wait: Annotated[
         float | None,
         typer.Option(
@@ -183,6 +207,7 @@ def search(
         volumes=[volume_of_text(text) for text in volume or ()],
         source=probabilities,
         settings={key: value for key, value in settings.items() if value is not None},
+        is_afresh=afresh,
         wait_s=wait,
         token=token,
         told=_tell,

@@ -30,6 +30,7 @@ class SearchRequest:
         volumes: where to search; their probability is None where the request gives none.
         source: where probabilities shall come from.
         config: of the search, with what the request says.
+        is_afresh: what the map knows of the volumes is forgotten before the search.
     """
 
     name: str
@@ -38,6 +39,7 @@ class SearchRequest:
     volumes: tuple[tuple[str, BoundingBox, float | None], ...]
     source: str
     config: SearchConfig
+    is_afresh: bool = False
 
     @property
     def target(self) -> str:
@@ -98,6 +100,7 @@ def read_request(
         tuple(volumes),
         source or ("user" if given else "uniform"),
         merged,
+        any(bool(value) for value in activity.values("searchesAfresh")),
     )
 
 
@@ -135,6 +138,7 @@ def request_fluents(
     volumes: Iterable[SearchVolume] = (),
     source: str = "",
     settings: Mapping[str, float] | None = None,
+    is_afresh: bool = False,
     start: Interval = UNKNOWN,
 ) -> list[Fluent]:
     """The fluents to assert for a search.
@@ -146,6 +150,7 @@ def request_fluents(
         volumes: where; none: above the placing areas on the board.
         source: where the probabilities shall come from; by default from the volumes.
         settings: values of `hasTimeBudget`, `hasProbabilityThreshold` and so on.
+        is_afresh: forget before the search what maps know of the volumes.
         start: when the search was asked for.
     """
     properties: list[Property] = []
@@ -158,6 +163,8 @@ def request_fluents(
         properties.append(Property("hasProbabilitySource", "xsd:string", source))
     for key, value in (settings or {}).items():
         properties.append(Property(key, "xsd:double", value))
+    if is_afresh:
+        properties.append(Property("searchesAfresh", "xsd:boolean", True))
     for volume in volumes:
         parts = volume_fluents(volume.name, volume.box, start, volume.probability)
         fluents += parts

@@ -35,6 +35,7 @@ def run_search_worker(
     name: str = "",
     map_file: Path | None = None,
     publish: bool = False,
+    recognition_s: float = 0.0,
     recognise: bool = False,
     once: bool = False,
     seed: int = 0,
@@ -51,6 +52,7 @@ def run_search_worker(
         name: of the robot on the board; the model's in lower case if not given.
         map_file: kept map.
         publish: send frames to the board, as those of the sensor of the robot's name.
+        recognition_s: how long to wait after every look for who recognises things.
         recognise: in simulation, recognise what is sought without an anchoring worker.
         once: end after one request.
         seed: of everything random.
@@ -74,6 +76,7 @@ def run_search_worker(
             seed=seed,
             map_file=map_file,
             publisher=publisher,
+            recognition_s=recognition_s,
             plot=plot,
             recognise=recognise,
         )
@@ -96,6 +99,7 @@ def ask_for(
     volumes: Sequence[SearchVolume] = (),
     source: str = "",
     settings: Mapping[str, float] | None = None,
+    is_afresh: bool = False,
     wait_s: float | None = None,
     token: str | None = None,
     told: Callable[[Fluent], object] = lambda progress: None,
@@ -109,6 +113,7 @@ def ask_for(
         volumes: where; none: above the placing areas on the board.
         source: where the probabilities shall come from.
         settings: `hasTimeBudget` and so on.
+        is_afresh: forget before the search what maps know of the volumes.
         wait_s: at most so long; 0: only ask; None: until it ends.
         token: bearer token.
         told: hears of every new progress fluent.
@@ -124,6 +129,7 @@ def ask_for(
         volumes=[SearchVolume(f"{v.name}_{name}", v.box, v.probability) for v in volumes],
         source=source,
         settings=settings,
+        is_afresh=is_afresh,
         start=Interval.at(SystemClock().now_s()),
     )
     with Client(board_url, author="search-request", token=token) as board:

@@ -66,7 +66,8 @@ class SearchWorker:
         seed: of the views drawn.
         map_file: an OctoMap that is read at the beginning, if it exists, and written after every
             search.
-        publish: send all frames to the board, so that anchoring sees them.
+        publisher: sends all frames to the board, so that anchoring sees them.
+        recognition_s: after every look, waits so long for somebody to write what is sought.
         plot: pictures of every search go to a folder of its name there.
         recognise: in simulation, write what is sought to the board as soon as a frame shows it; for
             searches without an anchoring worker.
@@ -83,6 +84,7 @@ class SearchWorker:
         seed: int = 0,
         map_file: Path | None = None,
         publisher: FramePublisher | None = None,
+        recognition_s: float = 0.0,
         plot: Path | None = None,
         recognise: bool = False,
     ) -> None:
@@ -93,6 +95,7 @@ class SearchWorker:
         self._seed = seed
         self._map_file = map_file
         self._publisher = publisher
+        self._recognition_s = recognition_s
         self._recognise = recognise
         self._plot = plot
         self._writer = BatchWriter(board, FrameProgress(), stop)
@@ -124,6 +127,9 @@ class SearchWorker:
         self._left.add(activity.name)
         try:
             request, volumes = self._prepared(activity)
+            if request.is_afresh:
+                forgotten = sum(self._map.reset(volume.box) for volume in volumes)
+                logger.info("search %s: forgot %d cells", request.name, forgotten)
             search = ObjectSearch(
                 self._world.robot,
                 self._map,
@@ -162,7 +168,8 @@ class SearchWorker:
         shown: list[SensorFrame] = []
         search.on_frame = shown.append
         self._write(told.begin(robot.time_s))
-        if self._memory.found(request) is None:
+        is_known = self._memory.found(request) is not None
+        if not is_known:
             search.look_around()
 
         def claim(planned: SearchStep) -> None:
@@ -172,7 +179,7 @@ class SearchWorker:
 
         while True:
             self._take_note(shown, request)
-            found = self._memory.found(request)
+            found = self._recognised_in_time(request, 0.0 if is_known else self._recognition_s)
             if found is not None:
                 search.end("found")
                 if album is not None:
@@ -197,6 +204,15 @@ class SearchWorker:
                 return
             self._say(step, request)
             self._write(told.done(step))
+
+    def _recognised_in_time(self, request: SearchRequest, timeout_s: float) -> Fluent | None:
+        """The target on the board; waits so long for who recognises it."""
+        deadline = time.monotonic() + timeout_s
+        while (found := self._memory.found(request)) is None:
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0 or self._stop.wait(min(left_s, _IDLE_S)):
+                return None
+        return found
 
     def _conclude(
         self, told: SearchFluents, search: str, outcome: str, found: Fluent | None = None

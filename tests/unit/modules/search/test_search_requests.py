@@ -41,6 +41,7 @@ def test_a_request_is_read_as_it_was_asked() -> None:
         target_class="race:Mug",
         volumes=[SearchVolume("table", BOX, 0.4)],
         settings={"hasTimeBudget": 60.0, "hasProbabilityThreshold": 0.1, "hasDetectorRecall": 0.8},
+        is_afresh=True,
     )
     request = read_request(activity, others, SearchConfig())
     assert request.target_class == "Mug"
@@ -48,6 +49,8 @@ def test_a_request_is_read_as_it_was_asked() -> None:
     assert request.config.time_budget_s == 60.0
     assert request.config.threshold == 0.1
     assert request.config.recall == 0.8
+    assert request.is_afresh
+    assert not read_request(*asked(target_class="Mug"), SearchConfig()).is_afresh
     ((name, box, probability),) = request.volumes
     assert (name, probability) == ("table", 0.4)
     assert box.sizes == pytest.approx(BOX.sizes)
