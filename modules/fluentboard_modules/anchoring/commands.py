@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from fluentboard.errors import InvalidInput
 from fluentboard_modules.command_options import Verbose, log_to_stderr, needs_extra
 
 Output = Annotated[
@@ -79,6 +80,7 @@ def train_recogniser(
     as anchoring would; the clusters are the examples.
     """
     log_to_stderr(verbose)
+    _check_folder(output)
     with needs_extra("anchoring"):
         from fluentboard_modules.anchoring import recogniser_training as examples
         from fluentboard_modules.anchoring.recogniser_spin_images import train_recogniser as run
@@ -123,6 +125,7 @@ def train_crf(
     other classes.
     """
     log_to_stderr(verbose)
+    _check_folder(output)
     with needs_extra("anchoring"):
         import numpy as np
 
@@ -185,8 +188,8 @@ def train_mismatch(
     moved to where most decisions of the assignment are right. Takes about four minutes per seed.
     """
     log_to_stderr(verbose)
+    _check_folder(output)
     with needs_extra("anchoring"):
-        from fluentboard.errors import InvalidInput
         from fluentboard_modules.anchoring import similarity
         from fluentboard_modules.anchoring.config import RecognitionConfig
         from fluentboard_modules.anchoring.evaluation_run import record_tables
@@ -217,6 +220,12 @@ def train_mismatch(
         f"{100.0 * trained.right:.1f} % of the decisions on the training tables are right",
         err=True,
     )
+
+
+def _check_folder(output: Path) -> None:
+    """Refuses an output that could not be written, before minutes of work."""
+    if not output.parent.is_dir():
+        raise InvalidInput(f"{output}: there is no folder {output.parent}; make it first")
 
 
 def evaluate_anchoring(

@@ -20,11 +20,10 @@ from fluentboard_modules.anchoring.evaluation_records import SceneRecord
 from fluentboard_modules.anchoring.similarity import (
     FEATURE_SETS,
     MismatchModel,
-    pair_features,
     train_mismatch,
 )
 
-_FACTORS = np.arange(0.6, 2.01, 0.1)
+_FACTORS = np.arange(0.6, 3.01, 0.2)
 _AS_GOOD = 0.0025  # shares of right decisions that differ by less say nothing
 
 
@@ -34,7 +33,7 @@ class MismatchTraining:
 
     Attributes:
         model: the mismatch.
-        pairs: how many pairs within the gate it was trained on.
+        pairs: how many pairs it was trained on.
         same: how many of them are one object.
         right: share of the decisions on the training runs that are right.
     """
@@ -57,21 +56,14 @@ def train_on_runs(
         runs: recorded runs, perhaps with several recognisers.
         features: names of Table 4.1.
         classes: of the recogniser, if there is only one.
-        association: its gate; only pairs within it are ever compared.
+        association: how the boundary will be used.
 
     Raises:
         InvalidInput: the runs do not show both kinds of pairs.
     """
     association = association or AssociationConfig()
     pairs = labelled_pairs(runs)
-    near = np.array(
-        [
-            pair_features([a], [b], ("distance",))[0, 0, 0] < association.gate_m
-            for a, b in zip(pairs.objects, pairs.anchors, strict=True)
-        ],
-        dtype=bool,
-    )
-    values, is_same = pairs.features(features)[near], pairs.is_same[near]
+    values, is_same = pairs.features(features), pairs.is_same
     digest = hashlib.sha256(values.tobytes() + is_same.tobytes()).hexdigest()
     model = train_mismatch(values, is_same, features, classes=classes, fingerprint=digest)
     model, right = _calibrated(model, runs, association)
@@ -83,7 +75,8 @@ def _calibrated(
 ) -> tuple[MismatchModel, float]:
     """The model with its boundary where most decisions are right, and their share.
 
-    The optimum is flat and noisy, so the middle of all that is about as good is taken.
+    The optimum is flat, since the tables' objects stand still. Of all that is about as good, the
+    boundary furthest out is taken: with it an object that was nudged keeps its name.
     """
     shares: list[float] = []
     for factor in _FACTORS:
@@ -93,5 +86,5 @@ def _calibrated(
             sum(right for _, right in counted) / max(1, sum(int(t.sum()) for t, _ in counted))
         )
     good = np.flatnonzero(np.array(shares) >= max(shares) - _AS_GOOD)
-    factor = float(np.mean(_FACTORS[good]))
+    factor = float(_FACTORS[good[-1]])
     return replace(model, offset=factor * model.offset), max(shares)

@@ -43,7 +43,8 @@ FEATURE_SETS: dict[str, tuple[str, ...]] = {
 
 _FORMAT = "fluentboard-mismatch-1"
 _DEFAULT = "mismatch.json"
-_ADRIFT_M = 0.10
+_ADRIFT_LOOK = 0.87  # by which the confidences of one object differ, at most
+_ADRIFT_WEIGHT = 0.4  # an anchor whose place fits goes before one that may be anywhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +56,7 @@ class Appearance:
         confidence: `(k,)`; of local recognition.
         is_part: whether a part of it may be hidden; then the distance to a larger object is the
             least over all places that the hidden part may have.
-        is_adrift: whether nobody knows where it is; then it is `_ADRIFT_M` away from everything,
-            and only the look of it counts.
+        is_adrift: whether nobody knows where it is; then only the look of it counts.
     """
 
     box: BoundingBox
@@ -117,9 +117,7 @@ def _distances(first: Sequence[Appearance], second: Sequence[Appearance]) -> Flo
             room = np.maximum(0.0, 0.5 * (whole.box.sizes - thing.box.sizes))
             local = away[i, j] @ turn
             away[i, j] = np.sign(local) * np.maximum(0.0, np.abs(local) - room)
-    distances = np.linalg.norm(away, axis=-1)
-    distances[:, [anchor.is_adrift for anchor in second]] = _ADRIFT_M
-    return distances
+    return np.linalg.norm(away, axis=-1)
 
 
 _SQUARED = {
@@ -173,11 +171,15 @@ class MismatchModel:
     def mismatch(self, objects: Sequence[Appearance], anchors: Sequence[Appearance]) -> FloatArray:
         """`(n, m)`; signed distance from the boundary; negative means "same object"."""
         features = pair_features(objects, anchors, self.features)
-        return (
-            features / self.scale @ self.normal - self.offset
-            if features.size
-            else np.zeros((len(objects), len(anchors)))
-        )
+        if not features.size:
+            return np.zeros((len(objects), len(anchors)))
+        mismatch = features / self.scale @ self.normal - self.offset
+        adrift = [anchor.is_adrift for anchor in anchors]
+        if any(adrift):
+            looks = pair_features(objects, anchors, ("diff_object_types",))[..., 0]
+            unlike = _ADRIFT_WEIGHT * self.offset * (looks / _ADRIFT_LOOK - 1.0)
+            mismatch[:, adrift] = unlike[:, adrift]
+        return mismatch
 
     def rate(self, features: FloatArray) -> FloatArray:
         """`(n,)`; the mismatch of pairs with features `(n, f)`."""
@@ -218,7 +220,7 @@ class MismatchModel:
 
 
 def load_mismatch(path: Path | None = None) -> MismatchModel:
-    """A mismatch from a file; without a path the built-in one, which suits all recognisers.
+    """A mismatch from a file; without a path the built-in one, trained on simulated tables.
 
     Raises:
         InvalidInput: the file cannot be read or holds something else.

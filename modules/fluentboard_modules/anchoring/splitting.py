@@ -16,6 +16,7 @@ from fluentboard_modules.anchoring.supports import Top
 _STANDS_M = 0.03  # a part whose lowest points are higher stands on the other part
 _CORE_SHARE = 0.75
 _CELL_M = 0.004
+_SEAM_PX, _NEARER_M, _NEARER_SHARE = 4, 0.02, 0.25
 
 
 def split_touching(
@@ -50,7 +51,7 @@ def split_touching(
         bodies = _bodies(inside, config, distance_m / points.focal_px, 5)
         if bodies is None:
             bodies = _bodies_from_above(inside, cloud, config)
-        if bodies is None:
+        if bodies is None or _is_cut_by_occluder(bodies, inside, points.depth_m[window]):
             continue
         lowest: list[float] = []
         for body in range(1, int(bodies.max()) + 1):
@@ -62,6 +63,23 @@ def split_touching(
             count += 1
             result[window][bodies == body] = count
     return result, count
+
+
+def _is_cut_by_occluder(
+    bodies: NDArray[np.int32], inside: NDArray[np.bool_], depth_m: NDArray[np.float32]
+) -> bool:
+    """Whether something nearer to the camera borders on the seam: then it makes the waist."""
+    seam = np.zeros(inside.shape, dtype=bool)
+    for body in range(1, int(bodies.max()) + 1):
+        grown = cv2.dilate((bodies == body).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        seam |= grown & (bodies > 0) & (bodies != body)
+    size = 2 * _SEAM_PX + 1
+    around = cv2.dilate(seam.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
+    around &= ~inside & (depth_m > 0.0)
+    if not seam.any() or not around.any():
+        return False
+    nearer = depth_m[around] < float(np.median(depth_m[seam])) - _NEARER_M
+    return bool(nearer.mean() > _NEARER_SHARE)
 
 
 def _bodies_from_above(
