@@ -168,3 +168,10 @@ def test_tops_take_the_name_of_the_placing_area(render: Render) -> None:
     tables.forget("placingAreaTable1")
     (top,) = tables.complete(tops_of(render([TABLE])))
     assert top.name == ""
+
+
+def test_what_an_object_before_it_covers_is_no_waist(render: Render) -> None:
+    behind, before = (-0.2, 1.3, 0.74, 0.2, 1.36, 0.97), (-0.1, 1.1, 0.74, 0.1, 1.15, 1.02)
+    found = segmented(render([TABLE, behind, before]))
+    widths = sorted(max(c.box.x_size, c.box.y_size) for c in found.clusters)
+    assert widths == pytest.approx([0.2, 0.4], abs=0.03)
