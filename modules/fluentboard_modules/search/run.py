@@ -17,7 +17,7 @@ from fluentboard_modules.frames.live import FramePublisher
 from fluentboard_modules.search.config import SearchConfig
 from fluentboard_modules.search.record import SearchRecord
 from fluentboard_modules.search.region import SearchVolume
-from fluentboard_modules.search.request import request_fluents
+from fluentboard_modules.search.request import read_request, request_fluents
 from fluentboard_modules.search.worker import SearchWorker
 from fluentboard_modules.search.worlds import open_world
 from fluentboard_modules.worker import stop_on_signals
@@ -120,6 +120,9 @@ def ask_for(
 
     Returns:
         The activity as it then stands: with `hasResult` and perhaps `hasFoundObject`, if it ended.
+
+    Raises:
+        InvalidInput: no robot would serve such a request; nothing has been written.
     """
     name = f"search_{target_name or target_class}_{uuid.uuid4().hex[:8]}"
     fluents = request_fluents(
@@ -132,6 +135,8 @@ def ask_for(
         is_afresh=is_afresh,
         start=Interval.at(SystemClock().now_s()),
     )
+    by_name = {fluent.name: fluent for fluent in fluents}
+    read_request(by_name[name], by_name, SearchConfig())  # refuses here what robots would refuse
     with Client(board_url, author="search-request", token=token) as board:
         board.assert_fluents(fluents)
         begun = time.monotonic()

@@ -21,6 +21,7 @@ from fluentboard_modules.search.request import (
     request_fluents,
     volumes_over,
 )
+from fluentboard_modules.search.run import ask_for
 from fluentboard_modules.search.search_fluents import SearchFluents
 from fluentboard_modules.search.volume_text import volume_of_text
 from fluentboard_modules.search.worlds import open_world
@@ -184,3 +185,13 @@ def test_unknown_worlds_are_refused(source: str) -> None:
         open_world(source)
     with pytest.raises(InvalidInput, match="no robot"):
         open_world("sim:search", "Marvin")
+
+
+@pytest.mark.parametrize(
+    ("source", "recall", "message"),
+    [("rumour", 0.9, "give one of"), ("", 1.5, "recall")],
+)
+def test_what_no_robot_would_serve_is_not_asked(source: str, recall: float, message: str) -> None:
+    nowhere = "http://127.0.0.1:9"  # nothing is sent
+    with pytest.raises(InvalidInput, match=message):
+        ask_for(nowhere, target_class="Mug", source=source, settings={"hasDetectorRecall": recall})
