@@ -8,14 +8,11 @@ from __future__ import annotations
 import itertools
 import os
 import random
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.http_service import Connection, free_port, wait_until_ready
 from bench.measuring import Report, compare
 from bench.workload import fluents
 from fluentboard.board.blackboard import Blackboard
@@ -25,7 +22,7 @@ from fluentboard.model.interval import Interval
 from fluentboard.model.relations import Relation, window
 
 FLUENTS = 1_000_000
-ENDED = 100_000
+ENDED = 20_000
 LISTINGS = 20
 BEGIN_S, END_S = 1000.0, 1000.0 + FLUENTS / 4
 
@@ -43,10 +40,9 @@ def run() -> list[Report]:
         if filling_s is not None:
             notes.append(f"Filling it took {filling_s:.0f} s.")
         try:
-            reports = [_listings(board, notes)]
+            return [_listings(board, notes)]
         finally:
             board.close()
-        return [*reports, _over_http(data)]
 
 
 def _fill(data: Path) -> float:
@@ -100,33 +96,3 @@ def _listings(board: Blackboard, notes: list[str]) -> Report:
         target="at most 50 ms",
         notes=notes,
     )
-
-
-def _over_http(data: Path) -> Report:
-    rng, port = random.Random(4), free_port()
-    program = Path(sys.executable).parent / "fluentboard"
-    server = subprocess.Popen(
-        [program, "serve", "--port", str(port), "--data", str(data)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        wait_until_ready(port, "/ready")
-        connection = Connection(port)
-
-        def once() -> None:
-            for _ in range(LISTINGS):
-                at, commit = rng.uniform(BEGIN_S, END_S), rng.randrange(2, 200)
-                connection.request("GET", f"/fluents?at={at}&asof={commit}&limit=100", {})
-
-        return compare(
-            "The same over HTTP",
-            {"at a time, as of a commit": once},
-            rounds=7,
-            operations=LISTINGS,
-            unit="ms",
-            target="at most 50 ms",
-        )
-    finally:
-        server.terminate()
-        server.wait(60)
