@@ -237,12 +237,21 @@ def _draw_known(axes: Axes, scenery: Scenery) -> None:
         axes.scatter(x, y, s=3, marker="s", color=_INK, alpha=0.5, linewidths=0, zorder=1)
 
 
+def place_name(volume_name: str) -> str:
+    """A volume's name without what makes it unique on a board.
+
+    `searchVolumePlacingAreaTable1_search1` is Table1, `shelf3_search_Mug_c0808ee8` is shelf3.
+    """
+    place = volume_name.partition("_search")[0].removeprefix("searchVolume")
+    return place.removeprefix("PlacingArea") or volume_name
+
+
 def _draw_volume(axes: Axes, volume: SearchVolume, remaining: float) -> None:
     outline = footprint(volume.box)
     axes.add_patch(Polygon(outline, facecolor=_ROI, alpha=0.22, edgecolor="none", zorder=2))
     axes.add_patch(Polygon(outline, fill=False, edgecolor=_ROI, linewidth=1.6, zorder=3))
     text = axes.annotate(
-        f"{volume.name}\n{100 * remaining:.0f} % unseen",
+        f"{place_name(volume.name)}\n{100 * remaining:.0f} % unseen",
         (float(outline[:, 0].mean()), float(outline[:, 1].max())),
         xytext=(0, 4),
         textcoords="offset points",

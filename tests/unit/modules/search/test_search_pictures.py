@@ -12,7 +12,12 @@ from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.search.config import SearchConfig, ViewSamplingConfig
 from fluentboard_modules.search.execution import ObjectSearch
 from fluentboard_modules.search.occupancy import OccupancyMap
-from fluentboard_modules.search.pictures import SearchAlbum, draw_probability, footprint
+from fluentboard_modules.search.pictures import (
+    SearchAlbum,
+    draw_probability,
+    footprint,
+    place_name,
+)
 from fluentboard_modules.search.record import Moment, SearchRecord
 from fluentboard_modules.search.region import SearchVolume, region_of
 from fluentboard_modules.simulation.furniture import table
@@ -76,3 +81,16 @@ def test_the_outline_of_a_turned_box_is_turned() -> None:
     outline = footprint(BoundingBox(Pose.from_rpy(1.0, 2.0, 0.5, yaw=np.pi / 2), 2.0, 1.0, 0.3))
     assert outline.min(axis=0) == pytest.approx([0.5, 1.0])
     assert outline.max(axis=0) == pytest.approx([1.5, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("volume", "place"),
+    [
+        ("searchVolumePlacingAreaTable1_search1", "Table1"),
+        ("shelf3_search_PepperMill_c0808ee8", "shelf3"),
+        ("around table1", "around table1"),
+        ("_search", "_search"),
+    ],
+)
+def test_volumes_are_labelled_by_their_place(volume: str, place: str) -> None:
+    assert place_name(volume) == place
