@@ -69,8 +69,8 @@ class PlannerConfig(_Settings):
     replanning_rounds: int = Field(
         default=0,
         ge=0,
-        description="The same in a search that plans again after every look: its plans change "
-        "anyhow, and shaking costs more time than it saves.",
+        description="The same where a plan is at hand: the next look will change it again, and "
+        "shaking costs more time than it saves.",
     )
     idle_rounds: int = Field(
         default=15, ge=1, description="Shakes without an improvement after which it stops."

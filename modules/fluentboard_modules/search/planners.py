@@ -31,14 +31,12 @@ class Planner(Protocol):
         """What to call it in tables."""
         ...
 
-    def find(self, problem: PlanningProblem, previous: tuple[int, ...] | None = None) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """A plan; its lower bound is only that which the search itself proves (see `bounded`).
 
         Args:
             problem: views, cells and times.
-            previous: where there will be a new plan after every look: the rest of the last one, as
-                far as its views still exist, at first empty. None: the plan is to be carried out
-                as it is.
+            previous: the rest of the last plan, as far as its views still exist.
         """
         ...
 
@@ -49,7 +47,7 @@ class Greedy:
 
     name: str = "greedy"
 
-    def find(self, problem: PlanningProblem, previous: tuple[int, ...] | None = None) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The greedy plan; a previous one does not matter."""
         return _greedy(problem)
 
@@ -71,7 +69,7 @@ class BranchAndBound:
         zeta = int(self.config.prune_dominated)
         return f"b&b ψ={depth} φ={self.config.branch_limit:g} ζ={zeta}"
 
-    def find(self, problem: PlanningProblem, previous: tuple[int, ...] | None = None) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The best plan found; without limits and pruning its bound is its expected time."""
         first = _greedy(problem)
         found, finished = branch_and_bound(problem, first, self.config)
@@ -91,15 +89,15 @@ class IteratedLocalSearch:
     config: PlannerConfig = field(default_factory=PlannerConfig)
     name: str = "local search"
 
-    def find(self, problem: PlanningProblem, previous: tuple[int, ...] | None = None) -> Plan:
+    def find(self, problem: PlanningProblem, previous: tuple[int, ...] = ()) -> Plan:
         """The best plan found within the limits; deterministic if the time limit is not met."""
         begun = time.perf_counter()
         greedy = _greedy(problem)
         if not greedy.views or not greedy.is_complete:
             return greedy
         best = _improved(problem, greedy)
-        # A plan that the next look will change again is not worth much thought.
-        rounds = self.config.rounds_max if previous is None else self.config.replanning_rounds
+        # What is left of a good plan is a good beginning, and the next look will change it again.
+        rounds = self.config.replanning_rounds if previous else self.config.rounds_max
         if previous:
             before = _improved(problem, _finished(problem, carry_out(problem, previous)))
             if before.is_complete and before.expected_time_s < best.expected_time_s:
