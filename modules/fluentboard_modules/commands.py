@@ -278,7 +278,10 @@ def learn_furniture(
     cad = CadModel(model.stem, class_name, stood_up(load_mesh(model), str(model)))
     path = output or Path(f"{class_name}.ttl")
     path.write_text(learn(cad, class_name), encoding="utf-8")
-    typer.echo(f"{path}: class {class_name} with its rules", err=True)
+    typer.echo(
+        f"{path}: class {class_name} with its rules; use it with work mapping --ontology {path}",
+        err=True,
+    )
 
 
 def demo(

@@ -75,7 +75,7 @@ def load_library(folder: Path, classes: Iterable[str]) -> CadLibrary:
         stems = [part.lower() for part in (*relative.parts[:-1], path.stem)]
         names = [known[key] for stem in stems for key in (stem, stem.split("_")[0]) if key in known]
         if not names:
-            logger.info("%s: belongs to no furniture class and is left out", path)
+            logger.warning("%s is named after no furniture class and is left out", path)
             continue
         found.append(CadModel(path.stem, names[0], stood_up(load_mesh(path), str(path))))
     if not found:

@@ -66,7 +66,7 @@ def read_rules(turtle: str) -> RuleSet:
     try:
         graph.parse(data=turtle, format="turtle")
     except Exception as error:  # rdflib's parsers raise whatever they stumble over
-        raise InvalidOntology(f"the furniture ontology is not Turtle: {error}") from error
+        raise InvalidOntology(f"the furniture ontology is not Turtle: {_first(error)}") from error
     definitions: dict[str, list[Expression]] = defaultdict(list)
     subclasses: dict[str, list[str]] = defaultdict(list)
     for child, parent in graph.subject_objects(RDFS.subClassOf):
@@ -263,3 +263,25 @@ def _term(rule: str, node: Node | None) -> Term:
     if node is None:
         raise InvalidOntology(f"rule {rule}: an atom lacks an argument")
     return Variable(_name(node))
+
+
+def check_turtle(text: str, name: str) -> None:
+    """Refuses a text that is not Turtle, and says where.
+
+    Args:
+        text: the text.
+        name: what to call it in messages.
+
+    Raises:
+        InvalidOntology: it does not parse.
+    """
+    try:
+        Graph().parse(data=text, format="turtle")
+    except Exception as error:  # rdflib's parsers raise whatever they stumble over
+        raise InvalidOntology(f"ontology {name} is not Turtle: {_first(error)}") from error
+
+
+def _first(error: Exception) -> str:
+    """What a parser complains of, without its excerpt of the text."""
+    said = [line.strip() for line in str(error).splitlines()[:2]]
+    return " ".join(said).removesuffix(" at ^ in:").replace(" of <>", "")

@@ -33,7 +33,7 @@ from fluentboard_modules.mapping.rule_language import (
     RuleSet,
     Some,
 )
-from fluentboard_modules.mapping.rule_reader import read_rules
+from fluentboard_modules.mapping.rule_reader import check_turtle, read_rules
 from fluentboard_ontology import read
 
 # Chairs' backs recline by 5 degrees and more, and stand off a wall by the depth of a skirting.
@@ -298,9 +298,11 @@ def furniture_ontology(more: Sequence[Path] = ()) -> str:
     texts = [read("furniture")]
     for path in more:
         try:
-            texts.append(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise InvalidOntology(f"ontology {path} cannot be read: {error}") from error
+        check_turtle(text, str(path))
+        texts.append(text)
     return "\n".join(texts)
 
 

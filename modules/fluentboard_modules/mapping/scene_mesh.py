@@ -191,10 +191,7 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
         InvalidInput: the ending is none of these, or the mesh is empty.
         StorageFailed: the file cannot be written.
     """
-    if path.suffix.lower() not in _SUFFIXES:
-        raise InvalidInput(
-            f"{path}: a mesh is written as one of {', '.join(_SUFFIXES)}; change the ending"
-        )
+    check_mesh_path(path)
     if not len(mesh.triangles):
         raise InvalidInput(f"{path}: the mesh is empty; no frame showed a surface")
     o3d = _open3d()
@@ -204,8 +201,23 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
     )
     legacy.vertex_colors = o3d.utility.Vector3dVector(mesh.colours / 255.0)
     legacy.compute_vertex_normals()
-    if not path.parent.is_dir() or not o3d.io.write_triangle_mesh(str(path), legacy):
+    if not o3d.io.write_triangle_mesh(str(path), legacy):
         raise StorageFailed(f"{path} cannot be written; give a folder that exists and has room")
+
+
+def check_mesh_path(path: Path) -> None:
+    """Refuses a file that `write_mesh` could not write, before anything is worked out for it.
+
+    Raises:
+        InvalidInput: its ending is that of no mesh format.
+        StorageFailed: its folder is not there.
+    """
+    if path.suffix.lower() not in _SUFFIXES:
+        raise InvalidInput(
+            f"{path}: a mesh is written as one of {', '.join(_SUFFIXES)}; change the ending"
+        )
+    if not path.parent.is_dir():
+        raise StorageFailed(f"{path} cannot be written: there is no folder {path.parent}")
 
 
 def _open3d() -> Any:

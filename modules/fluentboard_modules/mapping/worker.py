@@ -33,7 +33,13 @@ from fluentboard_modules.mapping.pellet import PelletReasoner
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
 from fluentboard_modules.mapping.rules import FurnitureRules, furniture_ontology, load_rules
-from fluentboard_modules.mapping.scene_mesh import SceneMesh, SurfaceMesh, joined, write_mesh
+from fluentboard_modules.mapping.scene_mesh import (
+    SceneMesh,
+    SurfaceMesh,
+    check_mesh_path,
+    joined,
+    write_mesh,
+)
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.mapping.written_furniture import UpdateConfig
 from fluentboard_modules.progress import FrameProgress
@@ -231,6 +237,8 @@ def run_mapping(
         FluentboardError: the source, the board or a file is not what it should be.
     """
     config = MappingConfig()
+    if mesh is not None:
+        check_mesh_path(mesh)
     turtle = furniture_ontology(ontologies)
     rules = load_rules(turtle)
     if reasoner == "pellet":
