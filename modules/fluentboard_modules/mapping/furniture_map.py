@@ -32,6 +32,7 @@ from fluentboard_modules.mapping.furniture_item import (
 )
 from fluentboard_modules.mapping.hypotheses import placing_box
 from fluentboard_modules.mapping.judge import FurnitureJudge
+from fluentboard_modules.mapping.loose_planes import unexplained
 from fluentboard_modules.mapping.near_misses import NearMiss
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_map import PlaneMap
@@ -43,8 +44,6 @@ from fluentboard_modules.mapping.rules import (
 )
 
 _LEVEL = 0.7  # of a normal's z
-_ROOM = frozenset({"FloorPlane", "CeilingPlane", "WallPlane"})
-_LEVELS = ("HorizontalPlane", "VerticalPlane")
 
 
 @dataclass(slots=True)
@@ -140,17 +139,8 @@ class FurnitureMap:
         """Planes that are nearly furniture and belong to no piece, the nearest first."""
         identifiers, regions, verdict = self.classified_planes()
         taken = {plane.identifier for item in self.furniture() for plane in item.planes}
-        found: list[tuple[NearMiss, FurniturePlane]] = []
-        for miss in verdict.near_misses:
-            labels = verdict.labels[miss.plane]
-            identifier = identifiers[miss.plane]
-            if identifier in taken or labels & _ROOM:
-                continue
-            label = next((name for name in _LEVELS if name in labels), "Plane")
-            frames = self._plane_map.planes[identifier].n_frames
-            plane = FurniturePlane(identifier, label, regions[miss.plane], frames)
-            found.append((miss, plane))
-        return found
+        frames_of = {k: plane.n_frames for k, plane in self._plane_map.planes.items()}
+        return unexplained(verdict, identifiers, regions, frames_of, taken)
 
     def classified_planes(
         self, *, explain: bool = True

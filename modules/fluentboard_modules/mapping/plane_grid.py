@@ -7,20 +7,23 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from shapely.affinity import affine_transform
-from shapely.geometry import MultiPolygon, Polygon
 
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import FusionConfig
-from fluentboard_modules.mapping.contours import tidy
 from fluentboard_modules.mapping.existence import (
     after_detections,
     after_misses,
     log_odds,
     probability,
 )
-from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
+from fluentboard_modules.mapping.grid_outline import (
+    covered_cells,
+    outline_of_cells,
+    placed_outline,
+    without_fringe,
+)
+from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_kernels import (
     NOT_JUDGED,
     SEEN,
@@ -151,26 +154,7 @@ class MapPlane:
 
     def cells_of(self, region: PlanarRegion) -> NDArray[np.int32]:
         """Column and row numbers `(n, 2)` of the cells a region covers, seen along the normal."""
-        cell = self.config.cell_m
-        rotation, translation = self.T_map_grid.rotation, self.T_map_grid.translation
-        rings = [(ring - translation) @ rotation for ring in region.rings_map()]
-        corners = np.concatenate(rings)[:, :2]
-        low = np.floor(corners.min(axis=0) / cell).astype(int)
-        size = np.floor(corners.max(axis=0) / cell).astype(int) - low + 1
-        # Filling includes the pixels under the outline, so it is done with four pixels per cell, of
-        # which two must be inside. Even-odd filling leaves the holes open.
-        image = np.zeros((2 * int(size[1]), 2 * int(size[0])), np.uint8)
-        pixels = [
-            np.round(((ring[:, :2] / cell - low) * 2.0 - 0.5) * 16.0).astype(np.int32)
-            for ring in rings
-        ]
-        cv2.fillPoly(image, pixels, 1, lineType=cv2.LINE_8, shift=4)
-        quarters = image[::2, ::2] + image[1::2, ::2] + image[::2, 1::2] + image[1::2, 1::2]
-        rows, columns = np.nonzero(quarters >= 2)
-        if rows.size == 0:  # a sliver, thinner than a cell
-            middle = (region.centroid - translation) @ rotation
-            return np.floor(middle[None, :2] / cell).astype(np.int32)
-        return np.column_stack([columns + low[0], rows + low[1]]).astype(np.int32)
+        return covered_cells(region, self.T_map_grid, self.config.cell_m)
 
     def overlap(self, cells: NDArray[np.int32], reach: int) -> int:
         """How many of the given cells lie within so many cells of the plane's solid ones."""
@@ -384,59 +368,22 @@ class MapPlane:
         )
 
     def _make_region(self) -> PlanarRegion | None:
-        solid = self._cleaned()
-        contour = _outline(solid, self.corner, self.config.cell_m)
-        contour = tidy(contour, self.config.contours)
+        solid = without_fringe(self.solid, self.hits, self.config)
+        contour = outline_of_cells(solid, self.corner, self.config)
         if contour.is_empty:
             return None
-        a, b, c = self.fit
-        normal = self.normal
-        rows, columns = np.nonzero(solid)
-        cell = self.config.cell_m
-        spread = np.column_stack([columns, rows]) * cell
-        direction = None
-        if abs(normal[2]) > np.cos(np.deg2rad(20.0)):
-            covariance = np.cov(spread.T) if len(spread) > 2 else np.eye(2)
-            longest = np.linalg.eigh(covariance)[1][:, 1]
-            direction = self.T_map_grid.rotate(np.array([longest[0], longest[1], 0.0]))
-            direction *= 1.0 if direction[np.argmax(np.abs(direction))] > 0.0 else -1.0
-        axes = upright_axes(normal, direction)
-        centre = contour.centroid
-        origin = np.array([centre.x, centre.y, a * centre.x + b * centre.y + c])
-        T_map_region = Transform.from_parts(axes, self.T_map_grid.apply(origin))
-        # The grid's slope against the fitted plane is a few degrees at most: lengths keep to 0.2 %.
-        r = (T_map_region.inverse() @ self.T_map_grid).rotation
-        contour = affine_transform(
-            contour,
-            [
-                r[0, 0],
-                r[0, 1],
-                r[1, 0],
-                r[1, 1],
-                -float(r[0, :2] @ (centre.x, centre.y)),
-                -float(r[1, :2] @ (centre.x, centre.y)),
-            ],
+        T_map_region, contour = placed_outline(
+            contour, solid, self.config.cell_m, self.T_map_grid, self.fit
         )
         return PlanarRegion(
             index=-1,
             T_map_region=T_map_region,
-            contour=as_multipolygon(contour),
+            contour=contour,
             n_points=self.n_points,
             rms_m=float(np.sqrt(self.square_sum_m2 / max(self.n_frames, 1))),
             excess_m2=self.excess_sum / max(self.excess_weight, 1e-12),
             sensor_position=self.sensor_position,
         )
-
-    def _cleaned(self) -> NDArray[np.bool_]:
-        """Solid cells without the fringe that only a stray frame saw, gaps of a cell closed."""
-        best = int(self.hits.max(initial=0))
-        least = max(
-            1, int(np.ceil(self.config.fringe_share * min(best, self.config.fringe_frames)))
-        )
-        solid = (self.solid & (self.hits >= least)).astype(np.uint8)
-        padded = np.pad(solid, 2)
-        closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        return closed[2:-2, 2:-2].astype(np.bool_)
 
     def _make_room(self, cells: NDArray[np.int32]) -> None:
         """Grows the arrays so that the given cells lie inside."""
@@ -457,26 +404,3 @@ class MapPlane:
                 new[row : row + old.shape[0], column : column + old.shape[1]] = old
             setattr(self, name, new)
         self.corner = (int(low[0]), int(low[1]))
-
-
-def _outline(solid: NDArray[np.bool_], corner: tuple[int, int], cell_m: float) -> MultiPolygon:
-    """The boundary of a set of cells, along the cells' edges."""
-    # Two pixels per cell: outlines run through pixel centres, a quarter of a cell inside the edge.
-    bold = np.pad(solid, 1).repeat(2, axis=0).repeat(2, axis=1).astype(np.uint8)
-    rings, hierarchy = cv2.findContours(bold, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    if hierarchy is None:
-        return MultiPolygon()
-    scaled = [
-        ((ring[:, 0, :].astype(np.float64) + 0.5) / 2.0 - 1.0 + corner) * cell_m for ring in rings
-    ]
-    parts: list[Polygon] = []
-    for ring, (_, _, _, parent) in enumerate(hierarchy[0]):
-        if parent >= 0 or len(scaled[ring]) < 3:
-            continue
-        holes = [
-            scaled[child]
-            for child, (_, _, _, its_parent) in enumerate(hierarchy[0])
-            if its_parent == ring and len(scaled[child]) >= 3
-        ]
-        parts.append(Polygon(scaled[ring], holes))
-    return MultiPolygon(parts)

@@ -21,9 +21,9 @@ from fluentboard_modules.mapping.planar_region import (
     contour_gap_m,
     region_axes,
 )
+from fluentboard_modules.mapping.plane_merger import PlaneMerger
 from fluentboard_modules.mapping.segments import (
     Cells,
-    PlaneMerger,
     Segments,
     local_directions,
     make_cells,
@@ -201,7 +201,12 @@ def _merge_across_gaps(
     near = [(a, b) for a, b in pairs if contour_gap_m(regions[a], regions[b]) <= gap]
     if not near:
         return segments, set()
-    merger = PlaneMerger(segments, local_directions(cells, segments), config.segmentation)
+    merger = PlaneMerger(
+        segments.moments,
+        segments.counts,
+        local_directions(cells, segments),
+        config.segmentation,
+    )
     merger.merge(near)
     root = merger.new_labels()
     swallowed = np.flatnonzero(root != np.arange(root.size))
