@@ -19,7 +19,7 @@ from fluentboard_modules.search.record import SearchRecord
 from fluentboard_modules.search.region import SearchVolume
 from fluentboard_modules.search.request import read_request, request_fluents
 from fluentboard_modules.search.worker import SearchWorker
-from fluentboard_modules.search.worlds import open_world
+from fluentboard_modules.search.worlds import IMAGE_WIDTH, RECOGNITION_WIDTH, open_world
 from fluentboard_modules.worker import stop_on_signals
 
 logger = logging.getLogger(__name__)
@@ -61,7 +61,13 @@ def run_search_worker(
         plot: pictures of the searches go there.
     """
     name = name or robot.lower()
-    world = open_world(source, robot, seed, SystemClock().now_s())
+    world = open_world(
+        source,
+        robot,
+        seed,
+        SystemClock().now_s(),
+        RECOGNITION_WIDTH if publish else IMAGE_WIDTH,
+    )
     with (
         stop_on_signals() as stop,
         Client(board_url, author=f"search/{name}", token=token) as board,

@@ -22,7 +22,9 @@ from fluentboard_modules.simulation.scene_json import load_scene
 from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
 from fluentboard_modules.simulation.watchful_robot import WatchfulSimulatedRobot
 
-_IMAGE_WIDTH = 320
+IMAGE_WIDTH = 320
+RECOGNITION_WIDTH = 640
+"""Pixels across an image in which tableware can be recognised; the map needs fewer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,13 @@ class SearchWorld:
     things: Mapping[int, Instance]
 
 
-def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 1.0) -> SearchWorld:
+def open_world(
+    source: str,
+    model: str = "PR2",
+    seed: int = 0,
+    start_s: float = 1.0,
+    image_width: int = IMAGE_WIDTH,
+) -> SearchWorld:
     """The world of a source.
 
     Args:
@@ -51,6 +59,7 @@ def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 
         model: name of the robot.
         seed: of the sensor noise, and of the start in a file.
         start_s: the robot's clock at the beginning, on the board's time axis.
+        image_width: of the simulated camera, in pixels.
 
     Raises:
         InvalidInput: the source or the robot is unknown.
@@ -66,12 +75,17 @@ def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 
         if not number.isdecimal() or set(chosen) - {"seed"}:
             raise InvalidInput(f"{source!r} is no room to search; give sim:search?seed=1")
         room = hidden_pepper_mill(int(number))
-        return world_in_scene(room.scene, robot, room.start, rng, start_s)
+        return world_in_scene(room.scene, robot, room.start, rng, start_s, image_width)
     path = Path(source.removeprefix("sim:"))
     if path.suffix == ".json":
         scene = load_scene(path)
         return world_in_scene(
-            scene, robot, _some_view(costmap(scene, robot.radius_m), rng), rng, start_s
+            scene,
+            robot,
+            _some_view(costmap(scene, robot.radius_m), rng),
+            rng,
+            start_s,
+            image_width,
         )
     if path.suffix in (".bt", ".ot"):
         world = read_octomap(path)
@@ -85,7 +99,12 @@ def open_world(source: str, model: str = "PR2", seed: int = 0, start_s: float = 
 
 
 def world_in_scene(
-    scene: Scene, model: RobotModel, start: View, rng: np.random.Generator, start_s: float
+    scene: Scene,
+    model: RobotModel,
+    start: View,
+    rng: np.random.Generator,
+    start_s: float,
+    image_width: int = IMAGE_WIDTH,
 ) -> SearchWorld:
     """A robot in a simulated scene.
 
@@ -95,11 +114,12 @@ def world_in_scene(
         start: where it stands; its tilt is brought within the robot's limits.
         rng: draws the sensor noise.
         start_s: its clock at the beginning, on the board's time axis.
+        image_width: of its camera, in pixels.
     """
     low, high = model.tilt_rad
     view = View(start.x, start.y, start.yaw_rad, tilt_rad=min(max(start.tilt_rad, low), high))
     robot = WatchfulSimulatedRobot(
-        model, scene, view, rng, NoiseConfig(), image_width=_IMAGE_WIDTH, start_s=start_s
+        model, scene, view, rng, NoiseConfig(), image_width=image_width, start_s=start_s
     )
     return SearchWorld(
         robot,
