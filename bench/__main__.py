@@ -23,6 +23,7 @@ SCRIPTS = (
     "crowd",
     "kills",
     "mapping_frame",
+    "pellet_sets",
     "mapping_scene",
     "furniture",
     "simulator",
