@@ -30,7 +30,7 @@ from fluentboard_modules.mapping.visibility import (
 )
 
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
-# Metres along either axis and radians: the backs of four chairs of the 7-Scenes red kitchen were off
+# Metres along either axis, radians: the backs of four chairs of the 7-Scenes red kitchen were off
 # by 1.3 cm and 1.1 degrees (root mean square); twice that, since four are few.
 _GENERIC_SIGMA = (0.026, 0.026, 0.04)
 _PLAY_STEPS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # how far a model is moved to see if it shows
