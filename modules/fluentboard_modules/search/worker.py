@@ -206,12 +206,17 @@ class SearchWorker:
             self._write(told.done(step))
 
     def _recognised_in_time(self, request: SearchRequest, timeout_s: float) -> Fluent | None:
-        """The target on the board; waits so long for who recognises it."""
+        """The target on the board; waits so long for who recognises it.
+
+        Meanwhile the robot goes on looking: anchoring believes what it sees in several frames.
+        """
         deadline = time.monotonic() + timeout_s
         while (found := self._memory.found(request)) is None:
             left_s = deadline - time.monotonic()
             if left_s <= 0.0 or self._stop.wait(min(left_s, _IDLE_S)):
                 return None
+            if self._publisher is not None:
+                self._send(self._world.robot.sense())
         return found
 
     def _conclude(
@@ -326,13 +331,16 @@ class SearchWorker:
 
     # -- frames ---------------------------------------------------------------------------------
 
+    def _send(self, frame: SensorFrame) -> None:
+        if self._publisher is not None:
+            try:
+                self._publisher.send(frame)
+            except BoardUnreachable as problem:
+                logger.info("a frame was not sent: %s", problem)
+
     def _take_note(self, frames: list[SensorFrame], request: SearchRequest) -> None:
         for frame in frames:
-            if self._publisher is not None:
-                try:
-                    self._publisher.send(frame)
-                except BoardUnreachable as problem:
-                    logger.info("a frame was not sent: %s", problem)
+            self._send(frame)
             if self._recognise and request.name not in self._recognised_in:
                 seen = recognised(frame, request, self._world)
                 if seen:
