@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,7 @@ from fluentboard_modules.worker import BatchWriter, StopRequest
 logger = logging.getLogger(__name__)
 
 _IDLE_S = 0.5
+_STILL_S = 0.2  # between frames of a robot that waits, on its own clock
 _CONTEXT_WAIT_S = 10.0
 _DEFAULT_PROBABILITY = 0.2  # P_i of Section 5.3
 
@@ -211,12 +213,15 @@ class SearchWorker:
         Meanwhile the robot goes on looking: anchoring believes what it sees in several frames.
         """
         deadline = time.monotonic() + timeout_s
+        stamp_s = self._world.robot.time_s
         while (found := self._memory.found(request)) is None:
             left_s = deadline - time.monotonic()
             if left_s <= 0.0 or self._stop.wait(min(left_s, _IDLE_S)):
                 return None
             if self._publisher is not None:
-                self._send(self._world.robot.sense())
+                # A camera that stands still delivers at once what a first look takes seconds for.
+                stamp_s += _STILL_S
+                self._send(replace(self._world.robot.sense(), stamp_s=stamp_s))
         return found
 
     def _conclude(
