@@ -27,6 +27,8 @@ _CHAIR_HALF_WIDTH_M, _CHAIR_TOP_M = 0.32, 1.15
 _BACK_BELOW_SEAT_M = 0.15
 _PLINTH_M = 0.12
 _BOARDS_APART_M = 0.15
+_BOARD_M = 0.02
+_EDGE_M = 0.06  # outlines of planes reach beyond the true edges by pixels and by drift of poses
 
 
 def generic_model(
@@ -123,13 +125,28 @@ def _closed(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
     return meshes, ()
 
 
-def _all_planes(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
-    """A shelf: its boards, or its front with at least two boards behind it."""
-    heights = sorted(part.height_m for part in parts if abs(part.normal[2]) > _LEVEL)
+def _boards(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
+    """A shelf: its planes, and each board as wide and as deep as all of them together.
+
+    Of a board that is hidden in part, the rest must not be seen through. A counter with a box in
+    front of it and a rack above it are planes one above the other, but no shelf: the floor and the
+    wall are seen where the boards would go on.
+    """
+    boards = [part for part in parts if abs(part.normal[2]) > _LEVEL]
+    heights = sorted(board.height_m for board in boards)
     if not heights or heights[-1] - heights[0] < _BOARDS_APART_M:
         return [], ()  # one level face behind a front may be anything that stands beside it
-    sheets = [_sheet(part, T_model_map) for part in parts]
-    return [sheet for sheet in sheets if sheet is not None], ()
+    meshes = [sheet for part in parts if (sheet := _sheet(part, T_model_map)) is not None]
+    extents = np.concatenate([_extent(board, T_model_map) for board in boards])[:, :2]
+    low, high = extents.min(axis=0), extents.max(axis=0)
+    size = high - low - 2.0 * np.minimum(_EDGE_M, 0.2 * (high - low))
+    x, y = (0.5 * (low + high)).tolist()
+    meshes += [
+        solids.box(float(size[0]), float(size[1]), _BOARD_M, (x, y, height - _BOARD_M))
+        for height in heights
+        if size.min() > 0.05
+    ]
+    return meshes, ()
 
 
 _MAKERS: dict[str, Maker] = {
@@ -139,7 +156,7 @@ _MAKERS: dict[str, Maker] = {
     "CoffeeTable": _top,
     "Counter": _closed,
     "Cabinet": _closed,
-    "Shelf": _all_planes,
+    "Shelf": _boards,
 }
 
 
