@@ -18,6 +18,11 @@ from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
 
 LISTING = Path(__file__).resolve().parents[1] / "golden" / "listing_2_2.yaml"
+# Tests that run in the background may have been told to ignore the signal, and so their children.
+INTERRUPTIBLE = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from fluentboard.cli import main; main()"
+)
 HELD = "SELECT ?h ?mug WHERE { ?h a race:Holding ; upper:hasPassiveObject ?mug }"
 
 
@@ -140,7 +145,7 @@ def test_followed_changes_are_told_until_interrupted(service: ServiceProcess) ->
         since = board.assert_fluents(Fluent("spoon1", "Spoon")).commit
     flags = ("--since", str(since - 1), "--follow", "--format", "jsonl")
     following = subprocess.Popen(
-        [sys.executable, "-m", "fluentboard", "changes", "--board", service.address, *flags],
+        [sys.executable, "-c", INTERRUPTIBLE, "changes", "--board", service.address, *flags],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -169,9 +169,11 @@ class Evaluator:
         standing = self._standing(subscription, query)
         if standing is None:
             return
-        if since is not None and since > standing.exact_at(self.routed):
-            self._arrive(min(since, self._board.commit))
-            while standing in self._stale and standing.exact_at(self.routed) < since:
+        # A snapshot has all that was acknowledged before it was asked for.
+        wanted = self._board.commit if since is None else min(since, self._board.commit)
+        if wanted > standing.exact_at(self.routed):
+            self._arrive(wanted)
+            while standing in self._stale and standing.exact_at(self.routed) < wanted:
                 self._reevaluate(standing)
         standing.subscribers[subscription] = None
         if since is None:
