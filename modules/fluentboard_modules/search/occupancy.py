@@ -303,16 +303,20 @@ class OccupancyMap:
             ignore_unknown: whether unknown cells are transparent; otherwise a ray stops there.
         """
         directions = np.ascontiguousarray(directions_map, dtype=np.float64).reshape(-1, 3)
-        origins = np.broadcast_to(np.asarray(origins_map, np.float64), directions.shape).copy()
-        if not (np.linalg.norm(directions, axis=1) > 0.0).all() or not np.isfinite(origins).all():
-            raise InvalidGeometry("a ray needs a finite origin and a direction that is not zero")
+        origins = np.ascontiguousarray(origins_map, dtype=np.float64).reshape(-1, 3)
+        if len(origins) != 1:
+            origins = np.broadcast_to(origins, directions.shape).copy()
         cells = np.zeros((len(directions), 3), np.int64)
         lengths = np.zeros(len(directions))
         outcome = np.zeros(len(directions), np.int8)
-        kernels.cast(
-            origins, directions, float(range_max_m), ignore_unknown, self.resolution_m,
-            self._directory, self._low, self._log_odds, self.summary, cells, lengths, outcome,
-        )  # fmt: skip
+        wrong = -1 if np.isfinite(origins).all() else 0
+        if wrong < 0:
+            wrong = kernels.cast(
+                origins, directions, float(range_max_m), ignore_unknown, self.resolution_m,
+                self._directory, self._low, self._log_odds, self.summary, cells, lengths, outcome,
+            )  # fmt: skip
+        if wrong >= 0:
+            raise InvalidGeometry("a ray needs a finite origin and a direction that is not zero")
         return RayHits(outcome == kernels.HIT, outcome == kernels.UNKNOWN_MET, cells, lengths)
 
     # -- room -----------------------------------------------------------------------------------

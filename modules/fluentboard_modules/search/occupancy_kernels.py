@@ -82,48 +82,73 @@ def cast(
     cells: Any,
     lengths: Any,
     outcome: Any,
-) -> None:
-    """The first occupied cell along each ray; see `OccupancyMap.cast_rays`."""
+) -> int:
+    """The first occupied cell along each ray; see `OccupancyMap.cast_rays`.
+
+    Returns:
+        Number of a ray without a direction, -1 if all have one.
+    """
     per_metre = 1.0 / resolution
-    for n in range(origins.shape[0]):
-        ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
+    shared = origins.shape[0] == 1
+    nx, ny, nz = directory.shape
+    lx, ly, lz = low[0], low[1], low[2]
+    # One look-up instead of two that wait for each other.
+    contents = np.zeros((nx, ny, nz), np.uint8)
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                b = directory[i, j, k]
+                content = 2 if b < 0 else summary[b]
+                contents[i, j, k] = content | 1 if content & 2 and not ignore_unknown else content
+    outside = 2 if ignore_unknown else 3
+    for n in range(directions.shape[0]):
+        m = 0 if shared else n
+        ox, oy, oz = origins[m, 0], origins[m, 1], origins[m, 2]
         ux, uy, uz = directions[n, 0], directions[n, 1], directions[n, 2]
-        unit = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
+        squared = ux * ux + uy * uy + uz * uz
+        if not squared > 0.0:
+            return n
+        unit = 1.0 / math.sqrt(squared)
         ux, uy, uz = ux * unit, uy * unit, uz * unit
         x, sx, tx, dx, ix = along_axis(ox, ux, resolution, per_metre)
         y, sy, ty, dy, iy = along_axis(oy, uy, resolution, per_metre)
         z, sz, tz, dz, iz = along_axis(oz, uz, resolution, per_metre)
         travelled = 0.0
-        outcome[n] = OUT_OF_RANGE
-        bx, by, bz = x >> 3, y >> 3, z >> 3
-        b = block_at(directory, low, bx, by, bz)
+        found = OUT_OF_RANGE
         while travelled <= max_range:
-            content = 2 if b < 0 else summary[b]
-            if content & 2 and not ignore_unknown:
-                content |= 1
+            bx, by, bz = (x >> 3) - lx, (y >> 3) - ly, (z >> 3) - lz
+            is_inside = 0 <= bx < nx and 0 <= by < ny and 0 <= bz < nz
+            content = contents[bx, by, bz] if is_inside else outside
             if content & 1 == 0:
                 # Nothing to meet in the whole block: leave it at once.
                 x, y, z, tx, ty, tz, travelled = next_block(
                     x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz, ix, iy, iz
                 )
             else:
-                value = np.float32(np.nan)
-                if b >= 0:
-                    value = log_odds[b, cell_in_block(x, y, z)]
-                if value >= 0.0:
-                    outcome[n] = HIT
+                b = directory[bx, by, bz] if is_inside else -1
+                if b < 0:
+                    found = UNKNOWN_MET
                     break
-                if value != value and not ignore_unknown:
-                    outcome[n] = UNKNOWN_MET
+                # Cell by cell, until the ray leaves the block.
+                i, j, k = x & 7, y & 7, z & 7
+                while (i | j | k) & ~7 == 0 and travelled <= max_range:
+                    value = log_odds[b, (i << 6) | (j << 3) | k]
+                    if value >= 0.0:
+                        found = HIT
+                        break
+                    if value != value and not ignore_unknown:
+                        found = UNKNOWN_MET
+                        break
+                    i, j, k, tx, ty, tz, travelled = next_cell(
+                        i, j, k, sx, sy, sz, tx, ty, tz, dx, dy, dz
+                    )
+                x, y, z = (x & ~7) + i, (y & ~7) + j, (z & ~7) + k
+                if found != OUT_OF_RANGE:
                     break
-                x, y, z, tx, ty, tz, travelled = next_cell(
-                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz
-                )
-            if x >> 3 != bx or y >> 3 != by or z >> 3 != bz:
-                bx, by, bz = x >> 3, y >> 3, z >> 3
-                b = block_at(directory, low, bx, by, bz)
         cells[n, 0], cells[n, 1], cells[n, 2] = x, y, z
         lengths[n] = travelled
+        outcome[n] = found
+    return -1
 
 
 @_jit
