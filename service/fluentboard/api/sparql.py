@@ -105,14 +105,8 @@ class SparqlRoutes:
         # A text with a relative IRI is no point query, and is kept with its base: it is not found.
         question = Question(texts[0], None if accept is None else accept.decode("latin-1"))
         result = self._evaluator.at_once(question)
-        if result is None or result.text is None:
-            return None
-        return Reply(
-            result.text,
-            content_type(result.media_type),
-            200,
-            [_VARY, commit_header(result.commit)],
-        )
+        reply = None if result is None else result_reply(result)
+        return reply if isinstance(reply, Reply) else None
 
     async def post(self, call: Call) -> Reply | StreamedReply:
         """`POST /sparql`: a query or an update, as a form or as the body itself."""

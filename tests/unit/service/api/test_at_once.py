@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from fluentboard.api.app import create_app
+from fluentboard.api.evaluation import Evaluator
 from fluentboard.api.server import Server, listening_socket
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent
@@ -199,3 +200,19 @@ def test_a_host_name_that_may_be_another_page_is_refused(address: tuple[str, int
     with Line(address) as line:
         line.send(query(1), host="evil.example")
         assert line.reply()[0] == 403
+
+
+def test_a_failure_nobody_foresaw_is_told_as_everywhere(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("a mistake in the service")
+
+    with Line(address) as line:
+        with monkeypatch.context() as broken:
+            broken.setattr(Evaluator, "at_once", fail)
+            line.send(query(2))
+            status, headers, _ = line.reply()
+        assert (status, headers["content-type"]) == (500, "application/problem+json")
+        line.send(query(2))
+        assert line.reply()[0] == 200
