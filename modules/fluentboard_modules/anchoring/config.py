@@ -4,25 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from fluentboard_modules.frames.depth_noise import KinectNoiseConfig
+from fluentboard_modules.settings import Settings
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class DepthNoiseConfig(_Settings):
-    """Standard deviation of a depth reading: that of the Kinect (Nguyen, Izadi and Lovell 2012).
-
-    sigma_z = `constant_m` + `quadratic_per_m` (z - `reference_m`)^2.
-    """
-
-    constant_m: float = Field(default=0.0012, gt=0.0)
-    quadratic_per_m: float = Field(default=0.0019, ge=0.0)
-    reference_m: float = Field(default=0.4, ge=0.0)
-
-
-class SupportConfig(_Settings):
+class SupportConfig(Settings):
     """Tops that objects stand on, found by RANSAC among level patches."""
 
     range_max_m: float = Field(
@@ -77,10 +65,10 @@ class SupportConfig(_Settings):
     )
 
 
-class SegmentationConfig(_Settings):
+class SegmentationConfig(Settings):
     """Clusters of points above a top."""
 
-    noise: DepthNoiseConfig = DepthNoiseConfig()
+    noise: KinectNoiseConfig = KinectNoiseConfig()
     rise_m: float = Field(
         default=0.006, gt=0.0, description="Points are above a top from here on, plus noise."
     )
@@ -155,7 +143,7 @@ class SegmentationConfig(_Settings):
     )
 
 
-class TrackingConfig(_Settings):
+class TrackingConfig(Settings):
     """Track identifiers from frame to frame."""
 
     reach_m: float = Field(
@@ -177,7 +165,7 @@ class TrackingConfig(_Settings):
     )
 
 
-class FilterConfig(_Settings):
+class FilterConfig(Settings):
     """Pose and size of an anchor over its observations."""
 
     across_sigma_m: float = Field(
@@ -208,7 +196,7 @@ class FilterConfig(_Settings):
     )
 
 
-class AssociationConfig(_Settings):
+class AssociationConfig(Settings):
     """Which new object is which untracked anchor."""
 
     method: Literal["gnn", "nn", "thesis", "murty"] = Field(
@@ -233,7 +221,7 @@ class AssociationConfig(_Settings):
     )
 
 
-class RemovalConfig(_Settings):
+class RemovalConfig(Settings):
     """Is this box visible and empty (Algorithm 4.2 with corrections)?"""
 
     shrink_m: float = Field(
@@ -263,7 +251,7 @@ class RemovalConfig(_Settings):
     )
 
 
-class WorldConfig(_Settings):
+class WorldConfig(Settings):
     """Anchors over time."""
 
     filter: FilterConfig = FilterConfig()
@@ -295,7 +283,7 @@ class WorldConfig(_Settings):
     )
 
 
-class UpdateConfig(_Settings):
+class UpdateConfig(Settings):
     """When the board is told (Section 4.2.4 asks for a threshold and a time-out)."""
 
     position_m: float = Field(
@@ -334,7 +322,7 @@ class UpdateConfig(_Settings):
     )
 
 
-class DetectionsConfig(_Settings):
+class DetectionsConfig(Settings):
     """Detections that an external detector posts to the board; see docs/reference/detectors.md."""
 
     fallback: str = Field(
@@ -369,7 +357,7 @@ class DetectionsConfig(_Settings):
     )
 
 
-class RecognitionConfig(_Settings):
+class RecognitionConfig(Settings):
     """What rates the classes of single clusters and of whole scenes."""
 
     recogniser: str = Field(
@@ -383,7 +371,7 @@ class RecognitionConfig(_Settings):
     detections: DetectionsConfig = DetectionsConfig()
 
 
-class AnchoringConfig(_Settings):
+class AnchoringConfig(Settings):
     """Everything the anchoring module can be told."""
 
     supports: SupportConfig = SupportConfig()

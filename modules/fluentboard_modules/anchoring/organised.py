@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray, Transform
-from fluentboard_modules.anchoring.config import DepthNoiseConfig
+from fluentboard_modules.frames.depth_noise import KinectNoiseConfig
 from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 
 Float32 = NDArray[np.float32]
@@ -57,7 +57,7 @@ class OrganisedPoints:
         return hidden
 
 
-def organise(frame: SensorFrame, noise: DepthNoiseConfig, range_max_m: float) -> OrganisedPoints:
+def organise(frame: SensorFrame, noise: KinectNoiseConfig, range_max_m: float) -> OrganisedPoints:
     """The points of a frame.
 
     Args:

@@ -6,20 +6,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import Interval
 from fluentboard_modules.mapping.area_fluents import WrittenArea
+from fluentboard_modules.settings import Settings
 
 
-class UpdateConfig(BaseModel):
+class UpdateConfig(Settings):
     """How much has to change before the board is told.
 
     The thesis asks for a threshold (Section 4.2.4) without naming one.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     position_m: float = Field(
         0.05, gt=0.0, description="Poses of a hand-held Kinect agree to 2-4 cm (7-Scenes)."

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from fluentboard_modules.settings import Settings
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SensorModelConfig(_Settings):
+class SensorModelConfig(Settings):
     """What a reading does to a cell: OctoMap's inverse sensor model and its defaults."""
 
     hit_probability: float = Field(default=0.7, gt=0.5, lt=1.0)
@@ -40,7 +38,7 @@ class SensorModelConfig(_Settings):
         return hit, miss, low, high
 
 
-class BranchAndBoundConfig(_Settings):
+class BranchAndBoundConfig(Settings):
     """The thesis's planner; the defaults are those of the original software."""
 
     depth_limit: int | None = Field(
@@ -62,7 +60,7 @@ class BranchAndBoundConfig(_Settings):
         return self.depth_limit is None and self.branch_limit is None and not self.prune_dominated
 
 
-class PlannerConfig(_Settings):
+class PlannerConfig(Settings):
     """The default planner: iterated local search."""
 
     rounds_max: int = Field(default=60, ge=0, description="Shakes at most.")
@@ -81,7 +79,7 @@ class PlannerConfig(_Settings):
     seed: int = Field(default=0, ge=0)
 
 
-class ViewSamplingConfig(_Settings):
+class ViewSamplingConfig(Settings):
     """How views are drawn and what they are taken to reveal."""
 
     views: int = Field(default=200, ge=1, description="As in Section 5.3.")
@@ -105,7 +103,7 @@ class ViewSamplingConfig(_Settings):
     )
 
 
-class SearchConfig(_Settings):
+class SearchConfig(Settings):
     """A whole search: when it ends, and what it plans with."""
 
     resolution_m: float = Field(

@@ -8,9 +8,10 @@ from enum import StrEnum
 from functools import partial
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.model.geometry import Pose, Transform
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation.placement import (
     anywhere_on,
     first_that_fits,
@@ -49,10 +50,8 @@ class Change:
     partner: str = ""
 
 
-class ChangeConfig(BaseModel):
+class ChangeConfig(Settings):
     """How many changes of which kind, and how far things move."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     moved: int = Field(default=3, ge=0)
     removed: int = Field(default=1, ge=0)

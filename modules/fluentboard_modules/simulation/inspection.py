@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.errors import InvalidInput, UnreachableView
 from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation.navigation import Costmap
 from fluentboard_modules.simulation.robots import RobotModel, View
 from fluentboard_modules.simulation.scene import Support
@@ -20,10 +21,8 @@ from fluentboard_modules.simulation.scene import Support
 _TRIES = 300
 
 
-class InspectionConfig(BaseModel):
+class InspectionConfig(Settings):
     """Where and how long the robot looks."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     places: int = Field(default=7, ge=1)
     """How many places around the table it looks from."""

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation.noise_kernels import (
     STEEPEST_RAD,
     measured,
@@ -23,10 +24,8 @@ from fluentboard_modules.simulation.noise_kernels import (
 )
 
 
-class NoiseConfig(BaseModel):
+class NoiseConfig(Settings):
     """How a depth camera errs. The defaults are a Kinect; `NoiseConfig.none()` is exact."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     axial: float = Field(default=1.0, ge=0.0)
     """Factor on the standard deviation of the depth; 1 as measured (Nguyen 2012, Eq. 3)."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.model.geometry import Pose
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation import belongings, furniture, tableware
 from fluentboard_modules.simulation.placement import Place, support_of, try_on_support
 from fluentboard_modules.simulation.rooms import empty_room, fill_shelf
@@ -23,10 +24,8 @@ RESTAURANT_X_M = 7.2
 RESTAURANT_Y_M = 6.0
 
 
-class RestaurantConfig(BaseModel):
+class RestaurantConfig(Settings):
     """What stands in the restaurant (Section 2.4: two tables, four chairs, a counter)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     chairs_per_table: int = Field(default=2, ge=0, le=4)
     guests_per_table: int = Field(default=2, ge=0, le=4)

@@ -8,9 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.model.geometry import Pose
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation import belongings, furniture, tableware
 from fluentboard_modules.simulation.placement import (
     FloorPlan,
@@ -35,10 +36,8 @@ _WALL = 0.1
 _DOOR_M = 1.0
 
 
-class RoomConfig(BaseModel):
+class RoomConfig(Settings):
     """What a furnished room contains; what does not fit is left out and logged."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     x_size_m: tuple[float, float] = (6.0, 8.5)
     """Range of the room's extent along x."""

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fluentboard.errors import InvalidInput
 from fluentboard.model.geometry import Pose
+from fluentboard_modules.settings import Settings
 from fluentboard_modules.simulation.placement import (
     Place,
     fits,
@@ -22,10 +23,8 @@ from fluentboard_modules.simulation.scene import Instance, Model, Scene
 from fluentboard_modules.simulation.table_service import TableService
 
 
-class TableSettingConfig(BaseModel):
+class TableSettingConfig(Settings):
     """How a table is laid."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     place_width_m: float = Field(default=0.6, gt=0.4)
     """Edge of the table that one guest needs (usual in restaurants)."""

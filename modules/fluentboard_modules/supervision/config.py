@@ -10,20 +10,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, cast
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from fluentboard.errors import InvalidConfiguration
+from fluentboard_modules.settings import Settings
 
 _Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,40}")
 Scalar = str | bool | int | float
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ServiceConfig(_Section):
+class ServiceConfig(Settings):
     """The board, as flags of `fluentboard serve`."""
 
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
@@ -34,7 +31,7 @@ class ServiceConfig(_Section):
     ontologies: tuple[Path, ...] = Field(default=(), description="Ontologies to load besides ours.")
 
 
-class WorkerConfig(_Section):
+class WorkerConfig(Settings):
     """One worker: a perception module, or any other program."""
 
     module: str | None = Field(
@@ -70,7 +67,7 @@ class WorkerConfig(_Section):
         return self
 
 
-class RestartConfig(_Section):
+class RestartConfig(Settings):
     """How long a crashed process rests before it is started again."""
 
     first_wait_s: _Seconds = Field(default=1.0, description="After the first crash.")
@@ -85,7 +82,7 @@ class RestartConfig(_Section):
     )
 
 
-class StateConfig(_Section):
+class StateConfig(Settings):
     """What the board is told about the workers."""
 
     fluents: bool = Field(
@@ -97,7 +94,7 @@ class StateConfig(_Section):
     )
 
 
-class UpConfig(_Section):
+class UpConfig(Settings):
     """All of it."""
 
     board: str | None = Field(
@@ -219,7 +216,7 @@ def _explained(problem: ValidationError) -> str:
 
 def _keys_at(place: tuple[int | str, ...]) -> list[str]:
     """The keys that may stand at a place of the file."""
-    models: Mapping[str, type[BaseModel]] = {
+    models: Mapping[str, type[Settings]] = {
         "service": ServiceConfig,
         "workers": WorkerConfig,
         "restart": RestartConfig,

@@ -1,0 +1,189 @@
+"""Settings of what is remembered: planes of many frames, hypotheses and furniture."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from fluentboard_modules.mapping.surface_config import ContourConfig
+from fluentboard_modules.settings import Settings
+
+
+class ExistenceConfig(Settings):
+    """Belief that something is there, per frame that could have shown it.
+
+    The rates are nearer to each other than those of single frames, because the errors of frames
+    that follow each other are alike: a backrest that is overlooked once is overlooked again.
+    """
+
+    prior: float = Field(
+        default=0.13, gt=0.0, lt=1.0, description="Before any frame; five frames make it 0.71."
+    )
+    detection_rate: float = Field(
+        default=0.7, gt=0.0, lt=1.0, description="Frames that show it if it is there and in sight."
+    )
+    false_alarm_rate: float = Field(
+        default=0.4, gt=0.0, lt=1.0, description="Frames that seem to show it if it is not there."
+    )
+    belief_max: float = Field(
+        default=0.97,
+        gt=0.5,
+        lt=1.0,
+        description="However many frames; from there, seven that see through it make it 0.2.",
+    )
+
+    @model_validator(mode="after")
+    def _tells(self) -> ExistenceConfig:
+        if self.detection_rate <= self.false_alarm_rate:
+            raise ValueError("detection_rate must be more than false_alarm_rate")
+        return self
+
+
+class FusionConfig(Settings):
+    """Regions of many frames to the planes of the map.
+
+    The distances allow for poses and depth that agree to 2-4 cm only (7-Scenes red kitchen).
+    """
+
+    existence: ExistenceConfig = ExistenceConfig()
+    cell_m: float = Field(default=0.02, gt=0.0, description="Grid on each plane.")
+    same_angle_deg: float = Field(
+        default=12.0, gt=0.0, lt=90.0, description="Small far regions are off by as much."
+    )
+    same_distance_m: float = Field(
+        default=0.06,
+        gt=0.0,
+        description="Poses 2-4 cm off, twice over; boards and box tops are further.",
+    )
+    same_reach_cells: int = Field(
+        default=2, ge=0, description="Overlap is judged with so much drift."
+    )
+    same_overlap: float = Field(
+        default=0.15, gt=0.0, le=1.0, description="Share of the smaller that must overlap."
+    )
+    solid_share: float = Field(
+        default=0.4,
+        gt=0.0,
+        lt=1.0,
+        description="A cell stays if so many of those who could see it did.",
+    )
+    fringe_share: float = Field(
+        default=0.1,
+        ge=0.0,
+        lt=1.0,
+        description="Cells seen by a smaller share of the frames are drift.",
+    )
+    fringe_frames: int = Field(
+        default=20,
+        ge=1,
+        description="The share is taken of at most so many frames: a corner seen twice.",
+    )
+    slope_prior_weight: float = Field(
+        default=1.0e4,
+        gt=0.0,
+        description="Prior of the first normal, in cells at 1 cm standard deviation.",
+    )
+    pose_sigma_m: float = Field(
+        default=0.02,
+        gt=0.0,
+        description="What one frame's pose adds to the position of its regions.",
+    )
+    see_through_m: float = Field(
+        default=0.08, gt=0.0, description="Measured so far behind a plane, the plane is not there."
+    )
+    missed_share: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=1.0,
+        description="Seen through in so much of its visible part: a miss.",
+    )
+    judged_share: float = Field(
+        default=0.3, gt=0.0, le=1.0, description="Frames that see less of a plane do not judge it."
+    )
+    memory_frames: int = Field(
+        default=24,
+        ge=4,
+        description="Evidence counts are halved beyond, so that a moved chair goes away.",
+    )
+    forget_ratio: float = Field(
+        default=3.0,
+        gt=0.0,
+        description="Forget a plane that this many times more views missed than saw.",
+    )
+    forget_least_views: int = Field(
+        default=5, ge=1, description="Views that miss a plane before that."
+    )
+    stamps_max: int = Field(
+        default=1000, ge=1, description="Frames that are remembered by name, the last ones."
+    )
+    stale_share: float = Field(
+        default=0.02, ge=0.0, description="Contours are traced anew after such a change of area."
+    )
+    stale_m: float = Field(
+        default=0.003, ge=0.0, description="And after such a shift, or such a turn in radians."
+    )
+    planes_max: int = Field(
+        default=400, ge=1, description="The smallest, longest unseen are dropped."
+    )
+    contours: ContourConfig = ContourConfig(simplify_m=0.015, smallest_hole_m2=0.01)
+
+
+class HypothesisConfig(Settings):
+    """First poses and boxes."""
+
+    top_orientation: Literal["rectangle", "pca"] = Field(
+        default="rectangle", description="Of tables and shelves; pca is that of section 3.2.2."
+    )
+    placing_height_m: float = Field(
+        default=0.3, gt=0.0, description="Placing areas reach so far up: bottles are 0.3 m high."
+    )
+
+
+class FurnitureMapConfig(Settings):
+    """Hypotheses over many frames to furniture."""
+
+    fusion: FusionConfig = FusionConfig()
+    hypotheses: HypothesisConfig = HypothesisConfig()
+    least_frames: int = Field(
+        default=2, ge=1, description="Planes seen in fewer frames are not classified."
+    )
+    floor_reach_m: float = Field(
+        default=0.15, ge=0.0, description="The floor is within this of z = 0 everywhere."
+    )
+    accept_score: float = Field(default=0.6, gt=0.0, lt=1.0, description="Furniture from here on.")
+    drop_score: float = Field(default=0.3, gt=0.0, lt=1.0, description="No furniture any more.")
+    patience_frames: int = Field(
+        default=15,
+        ge=0,
+        description="Views of its main plane a piece survives without a hypothesis.",
+    )
+    same_place_overlap: float = Field(
+        default=0.4,
+        gt=0.0,
+        le=1.0,
+        description="Boxes of one class that overlap so much are one piece.",
+    )
+    other_place_overlap: float = Field(
+        default=0.5,
+        gt=0.0,
+        le=1.0,
+        description="Boxes of two classes that overlap so much cannot both be; a chair below a "
+        "table can.",
+    )
+    exact_overlap: float = Field(
+        default=0.15,
+        gt=0.0,
+        le=1.0,
+        description="Pieces with CAD files that fit overlap no more than their poses are wrong.",
+    )
+    moved_m: float = Field(
+        default=0.02, ge=0.0, description="Smaller changes of pose are not reported."
+    )
+    turned_rad: float = Field(default=0.05, ge=0.0, description="Smaller turns are not reported.")
+    resized_m: float = Field(
+        default=0.04, ge=0.0, description="Smaller changes of size are not reported."
+    )
+    rescored: float = Field(
+        default=0.1, ge=0.0, description="Smaller changes of score are not reported."
+    )

@@ -1,0 +1,99 @@
+"""Settings of the check of hypotheses: placing CAD models and judging them."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from fluentboard_modules.settings import Settings
+
+
+class AlignmentConfig(Settings):
+    """Scene to model ICP (DESIGN: point to point, then point to plane, Tukey, upright)."""
+
+    spacing_m: float = Field(default=0.025, gt=0.0, description="One scene point per such cube.")
+    points_max: int = Field(default=1200, ge=50, description="Scene points that are used.")
+    points_least: int = Field(default=40, ge=3, description="With fewer near the model, it stays.")
+    point_steps: int = Field(default=6, ge=0, description="Point to point.")
+    plane_steps: int = Field(default=10, ge=1, description="Point to plane.")
+    scale_first_m: float = Field(default=0.25, gt=0.0, description="Points beyond do not vote.")
+    scale_last_m: float = Field(default=0.04, gt=0.0, description="And in the last step.")
+    damping: float = Field(
+        default=1.0e-3, gt=0.0, description="Holds what no point binds, per point."
+    )
+    sigma_least_m: float = Field(
+        default=0.01, gt=0.0, description="Residuals are never better than the depth's bias."
+    )
+    independent_share: float = Field(
+        default=0.02, gt=0.0, le=1.0, description="Errors of neighbouring points are alike."
+    )
+
+
+class VisibilityConfig(Settings):
+    """Counting explained, occluded and violated pixels."""
+
+    tolerance_m: float = Field(
+        default=0.05, gt=0.0, description="Poses and depth agree to 2-4 cm only (7-Scenes)."
+    )
+    tolerance_sigma: float = Field(default=3.0, gt=0.0, description="Far pixels may err by more.")
+    pixel_step: int = Field(default=1, ge=1, description="Every so many pixels of thinned views.")
+    overrun_reach_m: float = Field(
+        default=0.12, gt=0.0, description="A surface that goes on so far beyond the outline does."
+    )
+    overrun_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
+    filled_weight: float = Field(default=0.5, ge=0.0, description="Against violated area.")
+    against_weight: float = Field(
+        default=1.0,
+        gt=0.0,
+        description="Of two poses, one square metre that speaks against makes up for so many that "
+        "speak for it.",
+    )
+    floor_clear_m: float = Field(
+        default=0.1, ge=0.0, description="The floor goes on beyond everything that stands on it."
+    )
+    doubt_m2: float = Field(
+        default=0.02, gt=0.0, description="So much violation is assumed before anything is seen."
+    )
+
+
+class VerificationConfig(Settings):
+    """Hypotheses to verified furniture."""
+
+    is_on: bool = Field(default=True, description="False leaves hypotheses as they are.")
+    generic_models: bool = Field(
+        default=True,
+        description="Classes without a CAD file are judged by their planes; False: not believed.",
+    )
+    alignment: AlignmentConfig = AlignmentConfig()
+    visibility: VisibilityConfig = VisibilityConfig()
+    views_max: int = Field(default=5, ge=1, description="Views that a placement is judged by.")
+    starts_max: int = Field(default=3, ge=1, description="Starts of the ICP, the best first.")
+    crop_margin_m: float = Field(
+        default=0.25, gt=0.0, description="Scene points so far around the model take part."
+    )
+    size_slack_m: float = Field(
+        default=0.12, gt=0.0, description="What is seen of a top may be so much larger than it is."
+    )
+    accept_score: float = Field(
+        default=0.75, ge=0.0, le=1.0, description="Explained share from which it is furniture."
+    )
+    accept_exact_score: float = Field(
+        default=0.75,
+        ge=0.0,
+        le=1.0,
+        description="The same for CAD files, which real pieces agree with better.",
+    )
+    relief_m: float = Field(
+        default=0.017,
+        gt=0.0,
+        description="Books stand 2 to 5 cm behind the edges of their boards, walls do not.",
+    )
+    cases_per_frame: int = Field(
+        default=2, ge=1, description="Hypotheses that one frame verifies: 0.1 to 0.3 s each."
+    )
+    again_factor: float = Field(
+        default=1.5, ge=1.0, description="After so many times the frames, it is verified again."
+    )
+    again_moved_m: float = Field(
+        default=0.04, gt=0.0, description="And when the hypothesis has moved or grown by this."
+    )
+    again_turned_rad: float = Field(default=0.07, gt=0.0, description="Or turned by this.")
