@@ -160,11 +160,7 @@ def work_mapping(
         ontologies=ontology or (),
         reasoner=reasoner,
     )
-    typer.echo(
-        f"mapping: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} commands "
-        f"written, commit {report.commit}" + (" (stopped)" if report.was_stopped else ""),
-        err=True,
-    )
+    typer.echo(report.told("mapping"), err=True)
 
 
 def work_anchoring(
@@ -242,11 +238,7 @@ def work_anchoring(
         seed=seed,
         token=token,
     )
-    typer.echo(
-        f"anchoring: {report.frames} frames in {report.duration_s:.1f} s, {report.commands} "
-        f"commands written, commit {report.commit}" + (" (stopped)" if report.was_stopped else ""),
-        err=True,
-    )
+    typer.echo(report.told("anchoring"), err=True)
 
 
 def learn_furniture(

@@ -127,6 +127,7 @@ class WorkReport:
         commit: the last commit it made, 0 if it wrote nothing.
         duration_s: from the first frame to the last write.
         was_stopped: before the end of the source.
+        found: what the module knew in the end, in a few words.
     """
 
     frames: int
@@ -134,6 +135,17 @@ class WorkReport:
     commit: int
     duration_s: float
     was_stopped: bool
+    found: str = ""
+
+    def told(self, name: str) -> str:
+        """One line for people: what the module of that name did, and what it found."""
+        frames = "1 frame" if self.frames == 1 else f"{self.frames} frames"
+        commands = "1 command" if self.commands == 1 else f"{self.commands} commands"
+        stopped = " (stopped)" if self.was_stopped else ""
+        return (
+            f"{name}: {self.found or 'nothing found'}; {frames} in {self.duration_s:.1f} s, "
+            f"{commands} written, commit {self.commit}{stopped}"
+        )
 
 
 def run(
@@ -193,7 +205,12 @@ def run(
     if frames == 0 and not stop.is_asked:
         raise InvalidFrame(f"{source.name}: not one frame could be read; the log says why")
     return WorkReport(
-        frames, writer.commands, writer.commit, time.monotonic() - began, stop.is_asked
+        frames,
+        writer.commands,
+        writer.commit,
+        time.monotonic() - began,
+        stop.is_asked,
+        module.status(),
     )
 
 

@@ -1,8 +1,9 @@
-"""The settings of anchoring from a YAML file and flags."""
+"""The settings of anchoring from a YAML file and flags, fitted to the recording."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sized
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from pydantic import ValidationError
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring.config import AnchoringConfig
+from fluentboard_modules.frames.sensor_frame import FrameSource
+
+logger = logging.getLogger(__name__)
 
 
 def read_settings(path: Path | None, flags: Mapping[str, str | None]) -> AnchoringConfig:
@@ -50,3 +54,26 @@ def read_settings(path: Path | None, flags: Mapping[str, str | None]) -> Anchori
         raise InvalidInput(
             f"setting {where} = {first['input']!r}: {first['msg']}; see docs/configuration.md"
         ) from problem
+
+
+def for_short_recordings(config: AnchoringConfig, source: FrameSource) -> AnchoringConfig:
+    """Settings with which a single image, or a few, can show an object at all.
+
+    A track becomes an anchor when `world.confirm_frames` frames have shown it. A recording that
+    has fewer would leave nothing on the board; unless the settings name that number themselves, it
+    is lowered to what the recording has.
+    """
+    frames = len(source) if isinstance(source, Sized) else None
+    world = config.world
+    if frames is None or not 0 < frames < world.confirm_frames:
+        return config
+    if "confirm_frames" in world.model_fields_set:
+        logger.warning(
+            "%s has %d frames, and world.confirm_frames asks for %d before an object is anchored",
+            source.name,
+            frames,
+            world.confirm_frames,
+        )
+        return config
+    world = world.model_copy(update={"confirm_frames": frames})
+    return config.model_copy(update={"world": world})

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fluentboard.model.detection import DETECTION_CLASS, ObjectDetection, read_detections
-from fluentboard.model.fluent import Fluent
 from fluentboard_client import AssertFluent, Client, Command, Delta, EndFluent, Event
 from fluentboard_modules.anchoring.anchors import Anchor
-from fluentboard_modules.anchoring.config import AnchoringConfig, DetectionsConfig
+from fluentboard_modules.anchoring.config import AnchoringConfig
 from fluentboard_modules.anchoring.context_model import CrfContextModel
 from fluentboard_modules.anchoring.estimate import BoxEstimate
 from fluentboard_modules.anchoring.pictures import Album, draw_album
 from fluentboard_modules.anchoring.pipeline import AnchoringPipeline
+from fluentboard_modules.anchoring.posted_detections import PostedDetections
 from fluentboard_modules.anchoring.recognisers import context_of, recogniser_of
 from fluentboard_modules.anchoring.recollection import BoardView, Recollection, recollect
 from fluentboard_modules.anchoring.search_answers import SearchView, answers
+from fluentboard_modules.anchoring.settings import for_short_recordings
 from fluentboard_modules.anchoring.similarity import load_mismatch
 from fluentboard_modules.anchoring.sync import ObjectFluents, Scene
 from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
@@ -48,8 +47,6 @@ SELECT DISTINCT ?instance WHERE {
 }
 """
 _OBJECT_CLASSES = ("Kitchenware", "PersonalItem")
-_MISSES_MAX = 10  # frames in a row without a detection, after which no frame waits for any
-_DETECTION_POLL_S = 0.02
 
 
 class AnchoringModule:
@@ -248,56 +245,6 @@ class AnchoringModule:
         return statements
 
 
-class PostedDetections:
-    """What an external detector has posted for a frame; the frame waits for it a while.
-
-    Args:
-        config: tolerance and time to wait.
-
-    Attributes:
-        board: where it is posted; None before the worker has begun.
-    """
-
-    def __init__(self, config: DetectionsConfig) -> None:
-        self._config = config
-        self._missed = 0
-        self.board: Client | None = None
-
-    def __call__(self, stamp_s: float, sensor: str) -> Sequence[ObjectDetection]:
-        """The detections of a frame, empty if none came in time."""
-        if self.board is None:
-            return []
-        # A detector that is away, or sees nothing for long, does not hold up every frame.
-        patience_s = self._config.wait_s if self._missed < _MISSES_MAX else 0.0
-        until_s = time.monotonic() + patience_s
-        while not (found := self._posted(self.board, stamp_s, sensor)):
-            if time.monotonic() >= until_s:
-                break
-            time.sleep(_DETECTION_POLL_S)
-        self._missed = 0 if found else self._missed + 1
-        if self._missed == _MISSES_MAX:
-            logger.warning(
-                "no detections for %d frames, the last at %.3f s of sensor %r: is the detector "
-                "running, and does it post the stamps of the frames?",
-                _MISSES_MAX,
-                stamp_s,
-                sensor,
-            )
-        return found
-
-    def _posted(self, board: Client, stamp_s: float, sensor: str) -> list[ObjectDetection]:
-        window = (stamp_s - self._config.tolerance_s, stamp_s + self._config.tolerance_s + 1e-6)
-        fluents = list(board.fluents(DETECTION_CLASS, during=window))
-        geometry: dict[str, Fluent] = {}
-        if any(fluent.values("hasBoundingBox") for fluent in fluents):
-            geometry = {
-                fluent.name: fluent
-                for class_name in ("Pose", "BBox")
-                for fluent in board.fluents(class_name, during=window, is_open=False)
-            }
-        return read_detections(fluents, geometry, sensor)
-
-
 def commands_for(statements: Iterable[Statement]) -> list[Command]:
     """The commands that make the board say this."""
     return [
@@ -368,6 +315,7 @@ def run_anchoring(
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
     """
+    config = for_short_recordings(config or AnchoringConfig(), source)
     module = AnchoringModule(config, first, seed=seed, keep_pictures=plot is not None)
     with (
         stop_on_signals() as stop,

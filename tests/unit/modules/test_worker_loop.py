@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,15 @@ def test_recording_is_worked_to_its_end() -> None:
     report = work(board, Counter())
     assert board.names == ["begin", "frame0", "frame1", "frame2", "finish"]
     assert (report.frames, report.commands, report.was_stopped) == (3, 5, False)
+
+
+def test_report_says_what_was_found() -> None:
+    report = work(Board(), Counter())
+    assert report.told("mapping").startswith("mapping: counting; 3 frames in ")
+    assert report.told("mapping").endswith("5 commands written, commit 5")
+    nothing = replace(report, frames=1, found="", was_stopped=True)
+    assert nothing.told("anchoring").startswith("anchoring: nothing found; 1 frame in ")
+    assert nothing.told("anchoring").endswith(" (stopped)")
 
 
 def test_stopping_finishes_the_current_frame_and_its_writes() -> None:

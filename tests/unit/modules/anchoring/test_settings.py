@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring.config import AnchoringConfig
-from fluentboard_modules.anchoring.settings import read_settings
+from fluentboard_modules.anchoring.settings import for_short_recordings, read_settings
+from fluentboard_modules.frames.sensor_frame import SensorFrame
 
 
 def file_of(folder: Path, text: str) -> Path:
@@ -62,3 +64,32 @@ def test_a_flag_below_a_value_is_refused(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"nowhere\.yaml"):
         read_settings(tmp_path / "nowhere.yaml", {})
+
+
+class Stills:
+    """A recording of so many frames, which nobody looks at."""
+
+    name = "stills"
+
+    def __init__(self, frames: int) -> None:
+        self._frames = frames
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def __iter__(self) -> Iterator[SensorFrame]:
+        return iter(())
+
+
+@pytest.mark.parametrize(("frames", "needed"), [(0, 3), (1, 1), (2, 2), (3, 3), (200, 3)])
+def test_an_object_needs_no_more_frames_than_the_recording_has(frames: int, needed: int) -> None:
+    settings = for_short_recordings(AnchoringConfig(), Stills(frames))
+    assert settings.world.confirm_frames == needed
+
+
+def test_a_number_of_frames_that_the_settings_name_stays(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    named = read_settings(file_of(tmp_path, "world: {confirm_frames: 2}\n"), {})
+    assert for_short_recordings(named, Stills(1)).world.confirm_frames == 2
+    assert "asks for 2 before an object is anchored" in caplog.text
