@@ -11,8 +11,8 @@ from fluentboard_client.async_client import AsyncClient
 from fluentboard_client.client import Client
 from fluentboard_client.commands import AssertFluent, Command, EndFluent, RefineFluent
 from fluentboard_client.conversation import Delta, Event, Gap, Lagged, Snapshot
-from fluentboard_client.exchange import FluentChange, Receipt
 from fluentboard_client.frames import FrameClient, ReceivedFrame
+from fluentboard_client.replies import FluentChange, Receipt
 from fluentboard_client.results import BlankNode, Iri, Row, Term, row_text, term_text
 from fluentboard_client.trajectories import PoseAt, PoseGap, PoseHeld, Trajectory
 

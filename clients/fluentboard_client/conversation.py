@@ -13,8 +13,8 @@ from typing import Any, Literal, cast
 from urllib.parse import urlsplit, urlunsplit
 
 from fluentboard.errors import FluentboardError, InvalidInput
-from fluentboard_client.exchange import FluentChange, change_from_json
 from fluentboard_client.problems import error_from_problem
+from fluentboard_client.replies import FluentChange, change_from_json
 from fluentboard_client.results import Row, row_text, rows
 
 Mode = Literal["bindings", "fluents", "both"]

@@ -1,14 +1,11 @@
-"""What the board is asked over HTTP and what its replies mean, without a network.
-
-`Client` and `AsyncClient` send the same requests and read the replies with the same functions.
-"""
+"""What the board is asked over HTTP, without a network; `replies` has what it answers."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, cast
+from typing import Any, Literal
 from urllib.parse import quote, urlsplit
 
 import httpx
@@ -16,10 +13,8 @@ import httpx
 from fluentboard.errors import BoardUnreachable, FluentboardError, InvalidInput
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
-from fluentboard.model.json_format import fluent_from_json
 from fluentboard_client.commands import Command, RefineFluent, statement_json
 from fluentboard_client.problems import error_from_problem
-from fluentboard_client.results import Row, rows
 
 ImportFormat = Literal["yaml", "jsonl", "turtle", "ntriples", "trig", "nquads", "jsonld", "rdfxml"]
 ExportFormat = Literal["yaml", "jsonl", "turtle", "ntriples", "trig", "nquads", "jsonld"]
@@ -41,8 +36,10 @@ MEDIA_TYPES: Mapping[str, str] = {
 DEFAULT_GRAPH = "default"
 """Names the default graph where an import asks for a graph."""
 
-_RESULTS_JSON = "application/sparql-results+json"
-_ANY_RESULT = f"{_RESULTS_JSON}, application/n-triples"
+RESULTS_JSON = "application/sparql-results+json"
+"""Media type of the results of a SELECT or ASK."""
+
+_ANY_RESULT = f"{RESULTS_JSON}, application/n-triples"
 
 _RETRIED = (
     httpx.ConnectError,
@@ -56,42 +53,19 @@ _FIRST_DELAY_S, _LONGEST_DELAY_S = 0.1, 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class FluentChange:
-    """What a commit did to one fluent.
-
-    Attributes:
-        kind: `added`, `refined`, `ended` or `corrected`.
-        fluent: as it stands since then.
-        commit: number of the commit.
-        author: who made the commit.
-        wall_s: when it was made, in seconds since the Unix epoch; None where not said.
-        reason: why, where an admin forced it.
-    """
-
-    kind: str
-    fluent: Fluent
-    commit: int
-    author: str = ""
-    wall_s: float | None = None
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Receipt:
-    """What a write led to.
-
-    Attributes:
-        commit: the number of the commit that holds it; the current one if nothing changed.
-        warnings: what the board noticed, such as references to fluents that do not exist yet.
-    """
-
-    commit: int
-    warnings: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class Request:
-    """One request; sending it twice has the effect of sending it once."""
+    """One request; sending it twice has the effect of sending it once.
+
+    Attributes:
+        method: of HTTP.
+        path: below the address of the board.
+        params: of the query string.
+        json: the body, as JSON.
+        form: the body, as fields of a form.
+        headers: besides those that every request carries.
+        pieces: the body, piece by piece; such a request cannot be sent twice, and its reply takes
+            as long as it takes.
+    """
 
     method: str
     path: str
@@ -99,6 +73,7 @@ class Request:
     json: Any = None
     form: Mapping[str, str] | None = None
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
+    pieces: Iterator[bytes] | None = None
 
 
 def board_address(text: str) -> str:
@@ -155,11 +130,6 @@ def unreachable(address: str, failure: Exception, attempts: int) -> FluentboardE
         f"{address} cannot be reached{times}: {failure or type(failure).__name__}; "
         "is `fluentboard serve` running there?"
     )
-
-
-def wrong_form(expected: str) -> InvalidInput:
-    """The error of a query that is not of the expected form."""
-    return InvalidInput(f"the query is not a {expected}; call query(), which takes any form")
 
 
 def assertion(fluents: Sequence[Fluent], merge: bool, key: str | None) -> Request:
@@ -266,11 +236,16 @@ def sparql(
     )
 
 
-def import_params(graph: str | None) -> dict[str, str]:
-    """The parameters of an import whose statements outside fluents go to a graph."""
-    if graph is None:
-        return {}
-    return {"default": ""} if graph == DEFAULT_GRAPH else {"graph": graph}
+def importing(pieces: Iterator[bytes], format: ImportFormat, graph: str | None) -> Request:
+    """Take in a document, sent piece by piece; statements outside fluents go to a graph."""
+    params = {} if graph is None else {"graph": graph}
+    return Request(
+        "POST",
+        "/import",
+        params={"default": ""} if graph == DEFAULT_GRAPH else params,
+        headers={"Content-Type": MEDIA_TYPES[format]},
+        pieces=pieces,
+    )
 
 
 def export(
@@ -328,59 +303,6 @@ def check(reply: httpx.Response, address: str) -> None:
     except ValueError:
         problem = None
     raise error_from_problem(problem, reply.status_code, address)
-
-
-def receipt(reply: httpx.Response) -> Receipt:
-    """The receipt of a write."""
-    body: Any = reply.json() if reply.content else {}
-    members = cast("dict[str, Any]", body) if isinstance(body, dict) else {}
-    commit = reply.headers.get("X-Commit") or members.get("commit", 0)
-    return Receipt(int(commit), tuple(str(w) for w in members.get("warnings", ())))
-
-
-def fluent_of(reply: httpx.Response) -> Fluent:
-    """The fluent that a reply describes."""
-    return fluent_from_json(reply.json(), "the board's reply")
-
-
-def page_of(reply: httpx.Response) -> tuple[list[Fluent], str | None]:
-    """The fluents of a page, and the cursor of the next one if there is one."""
-    body = reply.json()
-    following = body.get("next")
-    return (
-        [fluent_from_json(entry, "the board's reply") for entry in body["fluents"]],
-        None if following is None else str(following),
-    )
-
-
-def changes_of(reply: httpx.Response) -> list[FluentChange]:
-    """The changes in a reply about a fluent's history, oldest first."""
-    body = reply.json()
-    entries = cast("list[dict[str, Any]]", body if isinstance(body, list) else body["history"])
-    return [change_from_json(entry) for entry in entries]
-
-
-def change_from_json(entry: Mapping[str, Any]) -> FluentChange:
-    """A change as the history and the live messages describe it."""
-    return FluentChange(
-        str(entry["event"]),
-        fluent_from_json(entry["fluent"], "the board's reply"),
-        int(entry["commit"]),
-        str(entry.get("author", "")),
-        entry.get("wall_s"),
-        str(entry.get("reason", "")),
-    )
-
-
-def result_of(reply: httpx.Response) -> list[Row] | bool | str:
-    """Rows of a SELECT, truth of an ASK, N-Triples text of a CONSTRUCT or DESCRIBE."""
-    media_type = reply.headers.get("Content-Type", "").partition(";")[0].strip()
-    if media_type != _RESULTS_JSON:
-        return reply.text
-    document = reply.json()
-    if "boolean" in document:
-        return bool(document["boolean"])
-    return rows(document["results"]["bindings"], document["head"].get("vars", ()))
 
 
 def _fluent_path(name: str) -> str:

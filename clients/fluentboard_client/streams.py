@@ -34,7 +34,7 @@ def counted(pieces: Iterable[bytes], progress: Progress | None) -> Iterator[byte
             progress(len(piece))
 
 
-async def counted_async(pieces: Iterable[bytes], progress: Progress | None) -> AsyncIterator[bytes]:
-    """The pieces for an asynchronous request; `progress` as in `counted`."""
-    for piece in counted(pieces, progress):
+async def stream_async(pieces: Iterable[bytes]) -> AsyncIterator[bytes]:
+    """The pieces for an asynchronous request."""
+    for piece in pieces:
         yield piece

@@ -1,63 +1,22 @@
-"""Subscriptions beyond the plain live query: at now, replayed, durable, explained."""
+"""Subscriptions that the board keeps: durable ones, and explanations."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Any, Literal, cast
+from typing import Any, Literal
 from urllib.parse import quote
 
 import httpx
 
-from fluentboard.errors import InvalidInput
+from fluentboard_client import replies
+from fluentboard_client.calls import Ask, Awaiting, Blocking, call
 from fluentboard_client.exchange import Request
 
-Send = Callable[[Request], httpx.Response]
-AsyncSend = Callable[[Request], Awaitable[httpx.Response]]
 
+class DurableCalls:
+    """What can be done about durable subscriptions."""
 
-def options(
-    *,
-    at: Literal["now"] | None = None,
-    certainly: bool = False,
-    since_at: float | None = None,
-    from_commit: int | None = None,
-    from_time: float | None = None,
-    speed: float = 1.0,
-    durable: str | None = None,
-) -> dict[str, Any]:
-    """What `subscribe` is told besides query, mode and since.
-
-    Raises:
-        InvalidInput: a replay is to begin both at a commit and at a time.
-    """
-    found: dict[str, Any] = {}
-    if durable is not None:
-        found["durable"] = durable
-    if at is not None:
-        found["at"] = at
-    if certainly:
-        found["certainly"] = True
-    if since_at is not None:
-        found["since_at"] = since_at
-    if from_commit is not None and from_time is not None:
-        raise InvalidInput("a replay begins at a commit or at a time; give one of the two")
-    if from_commit is not None:
-        found["replay"] = {"commit": from_commit, "speed": speed}
-    elif from_time is not None:
-        found["replay"] = {"time": from_time, "speed": speed}
-    return found
-
-
-class DurableSubscriptions:
-    """The durable subscriptions of a board, and explanations; `Client.subscriptions` has one.
-
-    Args:
-        send: sends a request, and raises the board's errors.
-    """
-
-    def __init__(self, send: Send) -> None:
-        self._send = send
-
+    @call
     def create(
         self,
         name: str,
@@ -68,7 +27,7 @@ class DurableSubscriptions:
         certainly: bool = False,
         webhook: str | None = None,
         secret: str | None = None,
-    ) -> dict[str, Any]:
+    ) -> Ask[dict[str, Any]]:
         """Makes a durable subscription; with a webhook its secret is in this reply alone.
 
         Raises:
@@ -76,44 +35,52 @@ class DurableSubscriptions:
             InvalidQuery, NotAllowed: the query or the webhook is refused.
         """
         asked = _creation(name, sparql, mode, at, webhook, secret, certainly=certainly)
-        return _json(self._send(asked))
+        return Ask(asked, replies.json_of)
 
-    def list(self) -> dict[str, Any]:
+    @call
+    def list(self) -> Ask[dict[str, Any]]:
         """What is being sent (`subscriptions`), and what is kept (`durable`)."""
-        return _json(self._send(Request("GET", "/subscriptions")))
+        return Ask(Request("GET", "/subscriptions"), replies.json_of)
 
-    def read(self, name: str) -> dict[str, Any]:
+    @call
+    def read(self, name: str) -> Ask[dict[str, Any]]:
         """A durable subscription.
 
         Raises:
             UnknownResource: there is none of that name.
         """
-        return _json(self._send(_about(name)))
+        return Ask(_about(name), replies.json_of)
 
-    def delete(self, name: str) -> None:
+    @call
+    def delete(self, name: str) -> Ask[None]:
         """Forgets a durable subscription.
 
         Raises:
             UnknownResource: there is none of that name.
         """
-        self._send(_about(name, method="DELETE"))
+        return Ask(_about(name, method="DELETE"), replies.nothing_of)
 
-    def acknowledge(self, name: str, position: int | str) -> dict[str, Any]:
+    @call
+    def acknowledge(self, name: str, position: int | str) -> Ask[dict[str, Any]]:
         """Notes how far the subscriber has come: a commit, or the id of an event."""
-        return _json(self._send(_about(name, "/acknowledge", "POST", {"position": position})))
+        return Ask(_about(name, "/acknowledge", "POST", {"position": position}), replies.json_of)
 
-    def resume(self, name: str) -> dict[str, Any]:
+    @call
+    def resume(self, name: str) -> Ask[dict[str, Any]]:
         """Has the board post again."""
-        return _json(self._send(_about(name, "/resume", "POST")))
+        return Ask(_about(name, "/resume", "POST"), replies.json_of)
 
-    def dead_letters(self, name: str) -> Any:
+    @call
+    def dead_letters(self, name: str) -> Ask[Any]:
         """The posts that were given up, the oldest first."""
-        return _json(self._send(_about(name, "/dead-letters")))["dead_letters"]
+        return Ask(_about(name, "/dead-letters"), _letters_of)
 
-    def discard_dead_letters(self, name: str) -> int:
+    @call
+    def discard_dead_letters(self, name: str) -> Ask[int]:
         """Forgets them; how many they were."""
-        return int(_json(self._send(_about(name, "/dead-letters", "DELETE")))["discarded"])
+        return Ask(_about(name, "/dead-letters", "DELETE"), _discarded_of)
 
+    @call
     def explain(
         self,
         sparql: str,
@@ -121,74 +88,39 @@ class DurableSubscriptions:
         fluent: str | None = None,
         at: Literal["now"] | None = None,
         certainly: bool = False,
-    ) -> dict[str, Any]:
+    ) -> Ask[dict[str, Any]]:
         """How a query would be evaluated as a subscription, and why it has a fluent or has not."""
-        return _json(self._send(_explanation(sparql, fluent, at, certainly=certainly)))
+        return Ask(_explanation(sparql, fluent, at, certainly=certainly), replies.json_of)
 
 
-class AsyncDurableSubscriptions:
+class DurableSubscriptions(DurableCalls, Blocking):
+    """The durable subscriptions of a board, and explanations; `Client.subscriptions` has one.
+
+    Args:
+        send: sends a request, and raises the board's errors.
+    """
+
+    def __init__(self, send: Callable[[Request], httpx.Response]) -> None:
+        self._by = send
+
+    def send(self, request: Request) -> httpx.Response:
+        """The reply to a request; raises the error that it stands for."""
+        return self._by(request)
+
+
+class AsyncDurableSubscriptions(DurableCalls, Awaiting):
     """As `DurableSubscriptions`, to be awaited.
 
     Args:
         send: sends a request, and raises the board's errors.
     """
 
-    def __init__(self, send: AsyncSend) -> None:
-        self._send = send
+    def __init__(self, send: Callable[[Request], Awaitable[httpx.Response]]) -> None:
+        self._by = send
 
-    async def create(
-        self,
-        name: str,
-        sparql: str,
-        *,
-        mode: str = "bindings",
-        at: Literal["now"] | None = None,
-        certainly: bool = False,
-        webhook: str | None = None,
-        secret: str | None = None,
-    ) -> dict[str, Any]:
-        """See `DurableSubscriptions.create`."""
-        asked = _creation(name, sparql, mode, at, webhook, secret, certainly=certainly)
-        return _json(await self._send(asked))
-
-    async def list(self) -> dict[str, Any]:
-        """See `DurableSubscriptions.list`."""
-        return _json(await self._send(Request("GET", "/subscriptions")))
-
-    async def read(self, name: str) -> dict[str, Any]:
-        """See `DurableSubscriptions.read`."""
-        return _json(await self._send(_about(name)))
-
-    async def delete(self, name: str) -> None:
-        """See `DurableSubscriptions.delete`."""
-        await self._send(_about(name, method="DELETE"))
-
-    async def acknowledge(self, name: str, position: int | str) -> dict[str, Any]:
-        """See `DurableSubscriptions.acknowledge`."""
-        return _json(await self._send(_about(name, "/acknowledge", "POST", {"position": position})))
-
-    async def resume(self, name: str) -> dict[str, Any]:
-        """See `DurableSubscriptions.resume`."""
-        return _json(await self._send(_about(name, "/resume", "POST")))
-
-    async def dead_letters(self, name: str) -> Any:
-        """See `DurableSubscriptions.dead_letters`."""
-        return _json(await self._send(_about(name, "/dead-letters")))["dead_letters"]
-
-    async def discard_dead_letters(self, name: str) -> int:
-        """See `DurableSubscriptions.discard_dead_letters`."""
-        return int(_json(await self._send(_about(name, "/dead-letters", "DELETE")))["discarded"])
-
-    async def explain(
-        self,
-        sparql: str,
-        *,
-        fluent: str | None = None,
-        at: Literal["now"] | None = None,
-        certainly: bool = False,
-    ) -> dict[str, Any]:
-        """See `DurableSubscriptions.explain`."""
-        return _json(await self._send(_explanation(sparql, fluent, at, certainly=certainly)))
+    async def send(self, request: Request) -> httpx.Response:
+        """The reply to a request; raises the error that it stands for."""
+        return await self._by(request)
 
 
 def _creation(
@@ -225,5 +157,9 @@ def _explanation(sparql: str, fluent: str | None, at: str | None, *, certainly: 
     return Request("GET", "/explain", params=params)
 
 
-def _json(reply: httpx.Response) -> dict[str, Any]:
-    return cast("dict[str, Any]", reply.json())
+def _letters_of(reply: httpx.Response) -> Any:
+    return replies.json_of(reply)["dead_letters"]
+
+
+def _discarded_of(reply: httpx.Response) -> int:
+    return int(replies.json_of(reply)["discarded"])
