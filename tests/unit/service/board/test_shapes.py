@@ -97,3 +97,13 @@ def test_a_file_without_shapes_is_refused_at_the_start(tmp_path: Path, text: str
     (tmp_path / "shapes.ttl").write_text(text)
     with pytest.raises(InvalidConfiguration, match="shapes"):
         Blackboard.open(None, shapes=[tmp_path / "shapes.ttl"])
+
+
+def test_a_board_that_does_not_start_lets_go_of_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "shapes.ttl").write_text("no turtle")
+    with pytest.raises(InvalidConfiguration) as refused:
+        Blackboard.open(tmp_path / "data", shapes=[tmp_path / "shapes.ttl"])
+
+    with Blackboard.open(tmp_path / "data", builtin_ontologies=False) as board:
+        assert len(board) == 0
+    assert "shapes" in refused.value.message
