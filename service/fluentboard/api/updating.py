@@ -137,9 +137,14 @@ class Updater:
         """
         author, key = call.author, idempotency_key(call)
 
-        def submit(*, stop: threading.Event) -> Future[Commit]:
+        def submit(*, stop: threading.Event, patience_s: float) -> Future[Commit]:
             return self._board.graphs.change(
-                operations(), author, idempotency_key=key, fingerprint=fingerprint, stop=stop
+                operations(),
+                author,
+                idempotency_key=key,
+                fingerprint=fingerprint,
+                stop=stop,
+                patience_s=patience_s,
             )
 
         return await self._done(submit)
@@ -150,8 +155,8 @@ class Updater:
 
     async def _done(self, submit: Callable[..., Future[Commit]]) -> Commit:
         stop = threading.Event()
-        future = self._threads.submit(partial(submit, stop=stop))
         timeout_s = self._limits.query_timeout_s
+        future = self._threads.submit(partial(submit, stop=stop, patience_s=timeout_s))
         try:
             committed = await asyncio.wait_for(asyncio.wrap_future(future), timeout_s)
             # From here on it is in the writer's hands, and will be done.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 
@@ -26,6 +28,7 @@ from fluentboard.board.update_operations import (
 from fluentboard.board.update_syntax import parse_update
 from fluentboard.board.updates import Abandoned, UpdateEvaluation, depends_on_store, loads_resolved
 from fluentboard.board.writer import Request, Writer
+from fluentboard.errors import QueryTimeout
 
 CHANGES_MAX = 1_000_000
 """How many statements one request may add and remove."""
@@ -79,6 +82,7 @@ class Graphs:
         idempotency_key: str | None = None,
         read: Reader | None = None,
         stop: threading.Event | None = None,
+        patience_s: float = math.inf,
     ) -> Future[Commit]:
         """Carries out a SPARQL 1.1 Update request, all or nothing.
 
@@ -95,6 +99,7 @@ class Graphs:
             idempotency_key: the same key gives the first answer again.
             read: gets documents for LOAD; None to refuse it.
             stop: once set, nobody waits for the outcome any more.
+            patience_s: how long it may take to evaluate it again.
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
@@ -103,6 +108,7 @@ class Graphs:
             ClassInUse: a class that fluents belong to would no longer be declared.
             UnknownResource: there is no such graph.
             TooLarge: it changes too much.
+            QueryTimeout: to evaluate it again took longer than that.
             Abandoned: nobody waits any more.
         """
         operations = parse_update(
@@ -113,7 +119,12 @@ class Graphs:
         )
         parts = (author, text, *using_graphs, "", *using_named_graphs)
         return self._submit(
-            loads_resolved(operations, read), author, idempotency_key, "\0".join(parts), stop
+            loads_resolved(operations, read),
+            author,
+            idempotency_key,
+            "\0".join(parts),
+            stop,
+            patience_s,
         )
 
     def change(
@@ -124,6 +135,7 @@ class Graphs:
         idempotency_key: str | None = None,
         fingerprint: str = "",
         stop: threading.Event | None = None,
+        patience_s: float = math.inf,
     ) -> Future[Commit]:
         """Carries out operations, all or nothing; otherwise like `update`.
 
@@ -133,8 +145,10 @@ class Graphs:
             idempotency_key: the same key gives the first answer again.
             fingerprint: what another request with the same key is recognised by.
             stop: once set, nobody waits for the outcome any more.
+            patience_s: how long it may take to evaluate them again.
         """
-        return self._submit(operations, author, idempotency_key, f"{author}\0{fingerprint}", stop)
+        told = f"{author}\0{fingerprint}"
+        return self._submit(operations, author, idempotency_key, told, stop, patience_s)
 
     def statements(
         self,
@@ -201,13 +215,17 @@ class Graphs:
         key: str | None,
         fingerprint: str,
         stop: threading.Event | None,
+        patience_s: float,
     ) -> Future[Commit]:
+        def is_abandoned() -> bool:
+            return stop is not None and stop.is_set()
+
         digest = hashlib.sha256(fingerprint.encode()).hexdigest() if key else None
         known: tuple[int, tuple[StatementsChanged, ...]] | None = None
         if depends_on_store(operations):
             self._projector.wait_for(self._projections.remembered)
             moment = self._store.moment
-            changes = self._evaluated(operations, stop)
+            changes = evaluation_on(self._projections, is_abandoned).changes(operations)
             if moment is not None and self._store.moment == moment:
                 known = moment, changes
 
@@ -215,27 +233,34 @@ class Graphs:
             # Called by the writer, when the store has all commits and nobody else writes.
             if known is not None and self._store.moment == known[0]:
                 return known[1]
+            end_s = time.monotonic() + patience_s
+
+            def is_over() -> bool:
+                return is_abandoned() or time.monotonic() > end_s
+
             try:
-                return self._evaluated(operations, stop)
+                return evaluation_on(self._projections, is_over).changes(operations)
             except Abandoned:
-                return ()
+                if is_abandoned():
+                    return ()
+                raise QueryTimeout(
+                    "the board changed while the update was evaluated, and to evaluate it again "
+                    f"took longer than {patience_s:g} s; nothing was changed. Send it again, or "
+                    "narrow its WHERE",
+                    timeout_s=patience_s,
+                ) from None
 
         return self._writer.submit(Request((), author, key, digest, derive=derive))
 
-    def _evaluated(
-        self, operations: Sequence[Operation], stop: threading.Event | None
-    ) -> tuple[StatementsChanged, ...]:
-        return evaluation_on(self._projections, stop).changes(operations)
-
 
 def evaluation_on(
-    projections: Projections, stop: threading.Event | None = None
+    projections: Projections, is_over: Callable[[], bool] = lambda: False
 ) -> UpdateEvaluation:
     """What evaluates one request on the statements of a board.
 
     Args:
         projections: of the board; the RDF store must not change meanwhile.
-        stop: once set, nobody waits for the outcome any more.
+        is_over: once true, nobody waits for the outcome any more.
     """
     store = projections.store
 
@@ -250,7 +275,7 @@ def evaluation_on(
     rules = StatementRules(
         store, projections.is_in_ontology, lambda name: name in projections.index
     )
-    return UpdateEvaluation(store, ask_store, rules, CHANGES_MAX, stop)
+    return UpdateEvaluation(store, ask_store, rules, CHANGES_MAX, is_over)
 
 
 def previewed(

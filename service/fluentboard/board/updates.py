@@ -7,7 +7,6 @@ add and to remove, which is checked, journalled and projected like any other com
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import pyoxigraph as ox
@@ -37,7 +36,7 @@ from fluentboard.errors import InvalidQuery, NotAllowed, UnknownResource
 
 _DEFAULT = ox.DefaultGraph()
 # How many solutions are taken between two looks at whether anybody still waits.
-_SOLUTIONS_BETWEEN_LOOKS = 1_000
+_SOLUTIONS_BETWEEN_LOOKS = 100
 
 AskStore = Callable[[Modify], QueryResults]
 """Evaluates an operation's query on what is committed."""
@@ -55,7 +54,7 @@ class UpdateEvaluation:
         ask_store: evaluates a query on it.
         rules: what may not be said or unsaid.
         changes_max: how many statements may be added and removed.
-        stop: once set, nobody waits for the outcome any more.
+        is_over: once true, nobody waits for the outcome any more.
     """
 
     def __init__(
@@ -64,12 +63,12 @@ class UpdateEvaluation:
         ask_store: AskStore,
         rules: StatementRules,
         changes_max: int,
-        stop: threading.Event | None = None,
+        is_over: Callable[[], bool] = lambda: False,
     ) -> None:
         self._store = store
         self._ask_store = ask_store
         self._rules = rules
-        self._stop = stop
+        self._is_over = is_over
         self._pending = PendingStatements(store, changes_max)
 
     def changes(self, operations: Sequence[Operation]) -> tuple[StatementsChanged, ...]:
@@ -231,7 +230,7 @@ class UpdateEvaluation:
                 self._pending.drop(source)
 
     def _look(self) -> None:
-        if self._stop is not None and self._stop.is_set():
+        if self._is_over():
             raise Abandoned
 
 
