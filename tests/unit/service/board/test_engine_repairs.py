@@ -106,3 +106,11 @@ def test_unknown_function_is_an_error_of_its_expression_alone(board: Blackboard)
 )
 def test_other_queries_stay_as_they_are(query: str) -> None:
     assert repaired(query, lambda: GRAPHS) == query
+
+
+@pytest.mark.parametrize("end", ["<urn:unheard-of>", "'no resource'"])
+def test_class_path_to_an_absent_term_has_the_answer_of_any_path(
+    board: Blackboard, end: str
+) -> None:
+    of_classes = rows(board, f"SELECT ?c {{ ?c rdfs:subClassOf* {end} }}")
+    assert of_classes == rows(board, f"SELECT ?c {{ ?c :heardOf* {end} }}")
