@@ -19,7 +19,7 @@ from fluentboard.api.changes import ChangeRoutes
 from fluentboard.api.durable import DurableRoutes
 from fluentboard.api.edge import Edge
 from fluentboard.api.evaluation import Evaluator
-from fluentboard.api.exchange import Receive, Reply, Scope, Send
+from fluentboard.api.exchange import FORESEEN, Foreseen, Receive, Reply, Scope, Send
 from fluentboard.api.fluents import FluentRoutes
 from fluentboard.api.frames import FrameRoutes
 from fluentboard.api.graph_store import GraphStoreRoutes
@@ -118,12 +118,15 @@ class BoardApp(FastAPI):
         else:
             await super().__call__(scope, receive, send)
 
-    def at_once(self, query_string: bytes, headers: dict[bytes, bytes]) -> Reply | None:
+    def at_once(
+        self, query_string: bytes, headers: dict[bytes, bytes], scope: Scope
+    ) -> Reply | None:
         """The reply to `GET /sparql` if it takes no waiting, and nothing is wrong with it.
 
         Args:
             query_string: of the request, still encoded.
             headers: by lower-case name.
+            scope: takes what was found out, if there is no reply.
         """
         began = time.perf_counter()
         try:
@@ -131,6 +134,9 @@ class BoardApp(FastAPI):
             reply = self.sparql.at_once(query_string, headers)
         except Exception:
             return None  # the usual way comes to the same point again, and tells what is wrong
+        if isinstance(reply, Foreseen):
+            scope[FORESEEN] = reply
+            return None
         if reply is not None:
             self.metrics.record("query", reply.status, time.perf_counter() - began)
         return reply

@@ -14,7 +14,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
-from fluentboard.api.exchange import Reply
+from fluentboard.api.exchange import Reply, Scope
 
 _TARGET = b"/sparql?query="
 
@@ -28,8 +28,10 @@ _UNUSUAL = (b"origin", b"transfer-encoding", b"expect", b"upgrade")
 class AnswersAtOnce(Protocol):
     """An application that can answer some requests without waiting."""
 
-    def at_once(self, query_string: bytes, headers: dict[bytes, bytes]) -> Reply | None:
-        """The reply to a GET of `/sparql`, or None if it takes the usual way."""
+    def at_once(
+        self, query_string: bytes, headers: dict[bytes, bytes], scope: Scope
+    ) -> Reply | None:
+        """The reply to a GET of `/sparql`, or None if it takes the usual way with its scope."""
         ...
 
 
@@ -88,7 +90,9 @@ class AtOnceProtocol(HttpToolsProtocol):
         if any(name in headers for name in _UNUSUAL):
             return None
         query_string = self.url.partition(b"?")[2]
-        return None if b"#" in query_string else self._service.at_once(query_string, headers)
+        if b"#" in query_string:
+            return None
+        return self._service.at_once(query_string, headers, cast("Scope", self.scope))
 
     def _text(self, reply: Reply) -> bytes:
         parts = [b"HTTP/1.1 200 OK\r\n"]

@@ -12,6 +12,7 @@ import asyncio
 import threading
 from collections.abc import Collection, Sequence
 from concurrent.futures import Future
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -36,6 +37,12 @@ _LONG_S = 0.1
 
 # A result longer than this is not one that the event loop should wait for.
 _INLINE_BYTES_MAX = 32 * 1024
+
+
+class Costly(Enum):
+    """What no look at the query can change: it is not to be answered at once."""
+
+    QUERY = "query"
 
 
 class Evaluator:
@@ -87,8 +94,12 @@ class Evaluator:
         """How many readers there are; 0 for a board in memory."""
         return 0 if self._readers is None else len(self._readers.process_ids)
 
-    async def evaluate(self, question: Question) -> Result:
+    async def evaluate(self, question: Question, *, is_costly: bool = False) -> Result:
         """The result of a query.
+
+        Args:
+            question: the query.
+            is_costly: `at_once` has just said so.
 
         Raises:
             InvalidQuery: it does not parse, or cannot be evaluated.
@@ -99,8 +110,8 @@ class Evaluator:
         """
         if question.at is not None or question.as_of is not None:
             return await self._evaluated(question)
-        known = self.at_once(question)
-        if known is not None:
+        known = Costly.QUERY if is_costly else self.at_once(question)
+        if isinstance(known, Result):
             return known
         result = await self._evaluated(question)
         if result.text is not None and result.is_exact and question.is_timeless:
@@ -108,21 +119,24 @@ class Evaluator:
             self._cache.put(result.commit, _key(question), answered)
         return result
 
-    def at_once(self, question: Question) -> Result | None:
+    def at_once(self, question: Question) -> Result | Costly | None:
         """The result of a query over all of history, if it costs no more than to wait for one.
 
         That is so if it was asked before and nothing has changed, or if it is a point query with a
-        short result. None says nothing about the query: `evaluate` it.
+        short result. If there is none, `evaluate` the query; `Costly.QUERY` says that there will be
+        none when this is called again, either.
         """
         commit, key = self._board.commit, _key(question)
         known = self._cache.get(commit, key)
         if known is not None:
             return Result(known.media_type, known.text, None, len(known.text), commit)
         # A query waits until the RDF store has all that was committed; the event loop must not.
-        if self._applied < commit or question.default_graphs or question.named_graphs:
-            return None
+        if question.default_graphs or question.named_graphs:
+            return Costly.QUERY
         kind = point_query(question.text)
         if kind is None:
+            return Costly.QUERY
+        if self._applied < commit:
             return None
         found = self._board.point_query(question.text, has_prefixes=kind is PointQuery.PREFIXED)
         if found is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from binascii import a2b_qp
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, MutableMapping
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, unquote_plus
 
 import orjson
@@ -29,6 +29,22 @@ _SHORT_BODY_BYTES = 64 * 1024
 
 class Disconnected(Exception):
     """The client went away before its request was read; there is nobody to answer."""
+
+
+FORESEEN = "fluentboard.foreseen"
+"""Where a scope keeps what is foreseen."""
+
+
+class Foreseen(NamedTuple):
+    """What was found out about a request before it took the usual way.
+
+    Attributes:
+        parameters: of its query string.
+        is_costly: it asks what cannot be answered without waiting, neither then nor later.
+    """
+
+    parameters: dict[str, list[str]]
+    is_costly: bool
 
 
 class Call:
@@ -101,12 +117,20 @@ class Call:
         """Path under which a proxy serves the board; mostly empty."""
         return self._scope.get("root_path", "")
 
+    @property
+    def foreseen(self) -> Foreseen | None:
+        """What the server found out when it tried to answer without waiting; None if it did not."""
+        return self._scope.get(FORESEEN)
+
     def parameters(self) -> dict[str, list[str]]:
         """The parameters of the query string, each with all its values.
 
         Raises:
             InvalidInput: a value is not UTF-8.
         """
+        foreseen = self.foreseen
+        if foreseen is not None:
+            return foreseen.parameters
         return form_values(self._scope["query_string"], "the query string")
 
     @property

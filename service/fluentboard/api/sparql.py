@@ -16,9 +16,10 @@ from fluentboard.api.answering import (
     Result,
     result_content,
 )
-from fluentboard.api.evaluation import Evaluator
+from fluentboard.api.evaluation import Costly, Evaluator
 from fluentboard.api.exchange import (
     Call,
+    Foreseen,
     HeaderList,
     Reply,
     StreamedReply,
@@ -87,7 +88,9 @@ class SparqlRoutes:
             return self._description(call)
         return await self._answer(call, values)
 
-    def at_once(self, query_string: bytes, headers: Mapping[bytes, bytes]) -> Reply | None:
+    def at_once(
+        self, query_string: bytes, headers: Mapping[bytes, bytes]
+    ) -> Reply | Foreseen | None:
         """The reply to `GET /sparql`, if it takes no waiting; None also if something is wrong.
 
         Args:
@@ -105,8 +108,10 @@ class SparqlRoutes:
         # A text with a relative IRI is no point query, and is kept with its base: it is not found.
         question = Question(texts[0], None if accept is None else accept.decode("latin-1"))
         result = self._evaluator.at_once(question)
-        reply = None if result is None else result_reply(result)
-        return reply if isinstance(reply, Reply) else None
+        if isinstance(result, Result):
+            reply = result_reply(result)
+            return reply if isinstance(reply, Reply) else None
+        return Foreseen(values, is_costly=result is Costly.QUERY)
 
     async def post(self, call: Call) -> Reply | StreamedReply:
         """`POST /sparql`: a query or an update, as a form or as the body itself."""
@@ -165,7 +170,9 @@ class SparqlRoutes:
                 parameters.certainty(values),
             )
         try:
-            result = await self._evaluator.evaluate(question)
+            foreseen = call.foreseen
+            is_costly = foreseen is not None and foreseen.is_costly and not base
+            result = await self._evaluator.evaluate(question, is_costly=is_costly)
         except InvalidQuery as problem:
             raise located(problem, text, len(base)) from None
         return result_reply(result)

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 
 import pytest
 
+from fluentboard.api.answering import Question, Result
 from fluentboard.api.app import create_app
-from fluentboard.api.evaluation import Evaluator
+from fluentboard.api.evaluation import Costly, Evaluator
 from fluentboard.api.server import Server, listening_socket
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent
@@ -184,6 +185,24 @@ def test_what_was_just_written_is_in_the_answer(address: tuple[str, int]) -> Non
             assert other.reply()[0] in (200, 201)
             line.send(f"/sparql?query=ASK%20%7B%20fluent:{name}%20a%20?class%20%7D")
             assert json.loads(line.reply()[2])["boolean"] is True
+
+
+def test_a_query_that_takes_longer_is_looked_at_only_once(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[str] = []
+    look = Evaluator.at_once
+
+    def counted(evaluator: Evaluator, question: Question) -> Result | Costly | None:
+        looks.append(question.text)
+        return look(evaluator, question)
+
+    monkeypatch.setattr(Evaluator, "at_once", counted)
+    with Line(address) as line:
+        line.send("/sparql?query=ASK%20%7B%20?mug%20a%20race:Mug%20%7D")
+        status, _, body = line.reply()
+    assert (status, json.loads(body)["boolean"]) == (200, True)
+    assert looks == ["ASK { ?mug a race:Mug }"]
 
 
 def test_a_board_with_tokens_asks_for_one() -> None:
