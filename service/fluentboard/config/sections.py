@@ -1,28 +1,18 @@
-"""Settings: every default, its unit, its environment variable.
-
-The defaults are complete, so nothing needs to be configured to start. A YAML file overrides them,
-`FLUENTBOARD_<SECTION>_<KEY>` variables override the file, and flags override the variables.
-"""
+"""Sections: every setting with its default, its unit and its meaning."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_args, get_origin
+from typing import Annotated, Literal, cast
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, SecretStr, field_validator
 from pydantic.fields import FieldInfo
 
 from fluentboard.board.frame_settings import FrameSettings
 from fluentboard.board.subscriptions.settings import (
     SubscriptionSettings as StandingQuerySettings,
 )
-from fluentboard.errors import InvalidConfiguration
-
-ENVIRONMENT_PREFIX = "FLUENTBOARD_"
 
 Role = Literal["read", "write", "admin"]
 """What a token permits; each role includes the ones before it."""
@@ -228,8 +218,6 @@ class Settings(_Section):
     Example:
         >>> Settings().limits.query_timeout_s
         30.0
-        >>> load_settings(flags={"server.port": 0}).server.port
-        0
     """
 
     server: ServerSettings = ServerSettings()
@@ -246,6 +234,11 @@ class Settings(_Section):
         return is_loopback(self.server.host)
 
 
+def setting_sections() -> list[tuple[str, type[BaseModel]]]:
+    """Name and model of every section, in order; the documentation is checked against them."""
+    return [(name, _model(field)) for name, field in Settings.model_fields.items()]
+
+
 def is_loopback(host: str) -> bool:
     """Whether an address or host name stays on this machine."""
     if host == "localhost" or host.endswith(".localhost"):
@@ -256,165 +249,5 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def load_settings(
-    file: Path | None = None,
-    environment: Mapping[str, str] | None = None,
-    flags: Mapping[str, Any] | None = None,
-) -> Settings:
-    """The settings that a file, the environment and flags add up to.
-
-    Args:
-        file: YAML file of sections and keys.
-        environment: variables; those named `FLUENTBOARD_<SECTION>_<KEY>` count.
-        flags: values by dotted key such as `server.port`; None means that the flag was not given.
-
-    Raises:
-        InvalidConfiguration: the file cannot be read, a key is unknown or a value out of range.
-    """
-    values: dict[str, dict[str, Any]] = {}
-    origin: dict[str, str] = {}
-    if file is not None:
-        for key, value in _from_file(file):
-            _put(values, origin, key, value, str(file))
-    for name, key, value in _from_environment(environment or {}):
-        _put(values, origin, key, value, name)
-    for key, value in (flags or {}).items():
-        if value is not None:
-            _put(values, origin, key, value, f"flag for {key}")
-    try:
-        return Settings.model_validate(values)
-    except ValidationError as problem:
-        raise InvalidConfiguration(_explained(problem, origin)) from None
-
-
-def settings_yaml(settings: Settings) -> str:
-    """The settings as a YAML file with a comment per key; secrets are masked.
-
-    Example:
-        >>> print(settings_yaml(Settings()).splitlines()[2])
-          host: 127.0.0.1  # Address to listen on.
-    """
-    lines: list[str] = []
-    for section_name, section in setting_sections():
-        lines.append(f"{section_name}:  # {_first_line(section)}")
-        shown = getattr(settings, section_name).model_dump(mode="json")
-        for key, field in section.model_fields.items():
-            # One line per key: a flow-style document of one value, less the end-of-document mark.
-            text = yaml.safe_dump(shown[key], default_flow_style=True, width=10**9)
-            value = text.removesuffix("...\n").strip()
-            lines.append(f"  {key}: {value}  # {_sentence(field.description or '')}")
-    return "\n".join(["# Settings of fluentboard serve.", *lines]) + "\n"
-
-
-def setting_sections() -> list[tuple[str, type[BaseModel]]]:
-    """Name and model of every section, in order; the documentation is checked against them."""
-    return [(name, _model(field)) for name, field in Settings.model_fields.items()]
-
-
-def environment_variable(section: str, key: str) -> str:
-    """The variable that sets a key."""
-    return f"{ENVIRONMENT_PREFIX}{section}_{key}".upper()
-
-
-def _put(
-    values: dict[str, dict[str, Any]], origin: dict[str, str], key: str, value: Any, source: str
-) -> None:
-    section, _, name = key.partition(".")
-    values.setdefault(section, {})[name] = value
-    origin[key] = source
-
-
-def _from_file(file: Path) -> Iterable[tuple[str, Any]]:
-    try:
-        document: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InvalidConfiguration(f"cannot read the settings file: {problem}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as problem:
-        raise InvalidConfiguration(f"the settings file {file} is not YAML: {problem}") from None
-    sections: Any = {} if document is None else document
-    if not isinstance(sections, dict):
-        raise InvalidConfiguration(f"the settings file {file} is not a mapping of sections")
-    found: list[tuple[str, Any]] = []
-    for section, keys in cast("dict[Any, Any]", sections).items():
-        if section not in Settings.model_fields:
-            raise InvalidConfiguration(
-                f"{file} has the unknown section {section!r}; {_closest(str(section))}"
-            )
-        if keys is not None and not isinstance(keys, dict):
-            raise InvalidConfiguration(f"{file}: section {section} is not a mapping of keys")
-        entries = cast("dict[Any, Any]", keys or {})
-        found += [(f"{section}.{key}", value) for key, value in entries.items()]
-    return found
-
-
-def _from_environment(environment: Mapping[str, str]) -> Iterable[tuple[str, str, Any]]:
-    sections = dict(setting_sections())
-    found: list[tuple[str, str, Any]] = []
-    for name in sorted(environment):
-        if not name.startswith(ENVIRONMENT_PREFIX):
-            continue
-        section, _, key = name.removeprefix(ENVIRONMENT_PREFIX).lower().partition("_")
-        if section not in sections:
-            # Clients have FLUENTBOARD_ variables of their own; only a near miss is a mistake.
-            if key and difflib.get_close_matches(section, sections, n=1, cutoff=0.7):
-                raise InvalidConfiguration(f"{name} sets nothing; {_closest(section)}")
-            continue
-        field = sections[section].model_fields.get(key)
-        if field is None:
-            raise InvalidConfiguration(
-                f"{name} sets nothing: section {section} has no key {key!r}; "
-                f"keys are {', '.join(sections[section].model_fields)}"
-            )
-        found.append((name, f"{section}.{key}", _parsed(environment[name], field, name)))
-    return found
-
-
-def _parsed(text: str, field: FieldInfo, name: str) -> Any:
-    """The value of a variable: text as it is, numbers, lists and null as YAML reads them."""
-    kinds = {field.annotation, *get_args(field.annotation)}
-    if kinds & {str, Path} and get_origin(field.annotation) is not tuple:
-        return None if text in ("", "null") and type(None) in kinds else text
-    try:
-        value: Any = yaml.safe_load(text)
-    except yaml.YAMLError as problem:
-        raise InvalidConfiguration(f"{name} is not YAML: {problem}") from None
-    if get_origin(field.annotation) is tuple and not isinstance(value, list):
-        return [] if value is None else [value]
-    return cast("Any", value)
-
-
-def _explained(problem: ValidationError, origin: Mapping[str, str]) -> str:
-    parts: list[str] = []
-    for error in problem.errors(include_url=False):
-        location = [str(part) for part in error["loc"]]
-        source = origin.get(".".join(location[:2]))
-        where = ".".join(location) + (f" (from {source})" if source else "")
-        if error["type"] == "extra_forbidden":
-            parts.append(f"{where} is not a setting; {_closest(location[-1], location[0])}")
-            continue
-        # A wrong secret must not end up in a log.
-        shown = "" if "token" in location else f" is {error['input']!r}"
-        message = error["msg"].removeprefix("Value error, ")
-        parts.append(f"{where}{shown}: {message[0].lower()}{message[1:]}")
-    return "; ".join(parts)
-
-
-def _closest(name: str, section: str | None = None) -> str:
-    sections = dict(setting_sections())
-    model = sections.get(section or "")
-    known = list(model.model_fields) if model else list(sections)
-    what = f"keys of {section}" if model else "sections"
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean {close[0]!r}?" if close else f"{what} are {', '.join(known)}"
-
-
 def _model(field: FieldInfo) -> type[BaseModel]:
     return cast("type[BaseModel]", field.annotation)
-
-
-def _first_line(section: type[BaseModel]) -> str:
-    return (section.__doc__ or "").strip().splitlines()[0]
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].removesuffix(".") + "."
