@@ -13,8 +13,9 @@ from typing import Any, cast
 
 import orjson
 
+from fluentboard.api.connection import LONG_SNAPSHOT, Connection
 from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send, json_reply
-from fluentboard.api.live import LONG_SNAPSHOT, Connection, LiveRoutes, client_of, refuse
+from fluentboard.api.live import LiveRoutes, client_of, refuse
 from fluentboard.api.live_request import LiveRequest
 from fluentboard.api.operations import Answer, Content, Operation
 from fluentboard.api.problems import problem_reply
