@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.subscriptions.evaluator import Evaluator
@@ -113,9 +113,8 @@ class SubscriptionRegistry:
         """
         if since is not None and since < 0:
             raise InvalidInput(f"since is {since}; give a commit number", since=since)
-        subscription, parsed = self._made(
-            query, mode, on_ready, at, certainty, since, since_s, sequence
-        )
+        request = SubscriptionRequest(query, mode, since, _held(at, certainty), since_s, sequence)
+        subscription, parsed = self._made(request, on_ready)
         with self._state:
             self._admit(subscription)
             self._tasks.append(lambda: self._evaluator.open(subscription, parsed))
@@ -123,25 +122,16 @@ class SubscriptionRegistry:
         return subscription
 
     def _made(
-        self,
-        query: str,
-        mode: Mode,
-        on_ready: Callable[[], None] | None,
-        at: Literal["now"] | None,
-        certainty: Certainty,
-        since: int | None = None,
-        since_s: float | None = None,
-        sequence: int = 0,
+        self, request: SubscriptionRequest, on_ready: Callable[[], None] | None
     ) -> tuple[Subscription, ParsedQuery]:
-        if mode not in ("bindings", "fluents", "both"):
-            raise InvalidInput(f"mode is {mode!r}; use bindings, fluents or both", mode=mode)
-        if at not in (None, "now"):
-            raise InvalidInput(f"at is {at!r}; a subscription sees `now`, or all times", at=at)
-        parsed = parse(query)
-        held = None if at is None else certainty
+        if request.mode not in ("bindings", "fluents", "both"):
+            raise InvalidInput(
+                f"mode is {request.mode!r}; use bindings, fluents or both", mode=request.mode
+            )
+        parsed = parse(request.query)
         subscription = Subscription(
-            SubscriptionRequest(query, mode, since, held, since_s, sequence),
-            explanation(parsed, self.choose(parsed, follows_clock=at is not None).plan),
+            request,
+            explanation(parsed, self.choose(parsed, follows_clock=request.at is not None).plan),
             self._settings,
             on_ready=on_ready,
             on_drained=self._on_drained,
@@ -187,7 +177,9 @@ class SubscriptionRegistry:
             InvalidQuery, InvalidInput: as for `open`.
             TooManySubscriptions: as many replays are under way as may be.
         """
-        subscription, parsed = self._made(query, mode, on_ready, at, certainty)
+        subscription, parsed = self._made(
+            SubscriptionRequest(query, mode, at=_held(at, certainty)), on_ready
+        )
         replay = Replay(
             self._board, self._settings, subscription, parsed, request, self._on_replayed
         )
@@ -234,10 +226,7 @@ class SubscriptionRegistry:
             False if that took longer than the time-out.
         """
         with self._state:
-            return self._state.wait_for(
-                lambda: self._closed or self._is_settled(commit),
-                timeout_s,
-            )
+            return self._state.wait_for(lambda: self._closed or self._is_settled(commit), timeout_s)
 
     def close(self) -> None:
         """Ends all subscriptions and the thread. Closing twice is harmless."""
@@ -399,3 +388,10 @@ class SubscriptionRegistry:
                     return False
                 if self._closed:
                     return False
+
+
+def _held(at: Any, certainty: Certainty) -> Certainty | None:
+    """With which certainty a fluent must hold to be seen; None sees the whole history."""
+    if at not in (None, "now"):
+        raise InvalidInput(f"at is {at!r}; a subscription sees `now`, or all times", at=at)
+    return None if at is None else certainty

@@ -169,7 +169,8 @@ class Subscription:
             too_much = bool(self._queue) and (
                 self._solutions + solutions > self._settings.queue_solutions
             )
-            if full or too_much:
+            # Nothing comes after a failure, so it cannot be lost among what waits.
+            if (full or too_much) and not isinstance(message, Failed):
                 self._queue.clear()
                 self._queue.append(Lagged())
                 self._solutions = 0

@@ -218,6 +218,21 @@ def test_query_that_fails_tells_its_subscribers_and_stops_nobody_else(
     assert "the store is gone" in caplog.text
 
 
+def test_query_that_fails_while_somebody_joins_is_begun_anew(desk: Desk) -> None:
+    first = desk.open(COUNT)
+    desk.board.write(mug("a"), tell=False)
+
+    def fail() -> None:
+        raise InvalidQuery("the store is busy")
+
+    desk.board.before_next_query = fail
+    joined = desk.open(COUNT)
+    commit = desk.board.write(mug("b")).number
+    desk.settle()
+    assert [type(message) for message in first.poll()] == [Snapshot, Failed]
+    assert outline(joined.poll()) == [("snapshot", commit - 1, 1, 0), ("delta", commit, 1, 1)]
+
+
 def test_error_nobody_thought_of_is_told_as_a_failure(
     desk: Desk, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -9,6 +9,7 @@ from fluentboard.board.subscriptions.messages import (
     Answer,
     Change,
     Delta,
+    Failed,
     Gap,
     Lagged,
     Mode,
@@ -18,6 +19,7 @@ from fluentboard.board.subscriptions.messages import (
 from fluentboard.board.subscriptions.results import Bag, Difference
 from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
+from fluentboard.errors import InvalidQuery
 
 ANSWER = Answer("select", ("x",), {})
 
@@ -103,6 +105,14 @@ def test_overflow_leaves_one_lagged_and_asks_for_a_snapshot_when_it_is_taken() -
     ends.subscription.put_snapshot(9, ANSWER)
     ends.subscription.put_change(change(10))
     assert [message.commit for message in ends.subscription.poll()] == [9, 10]  # type: ignore[union-attr]
+
+
+def test_failure_is_told_even_when_the_queue_is_full() -> None:
+    subscription = Ends(queue_messages=2).subscription
+    subscription.put_snapshot(3, ANSWER)
+    subscription.put_change(change(4))
+    subscription.put(Failed(InvalidQuery("it cannot be evaluated any more")))
+    assert [type(message) for message in subscription.poll()] == [Snapshot, Delta, Failed]
 
 
 def test_many_solutions_overflow_a_short_queue() -> None:
