@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.mapping.nearest_samples import NearestSamples
 from fluentboard_modules.simulation.mesh import Mesh
 from fluentboard_modules.simulation.raycasting import MeshCaster
 
@@ -68,6 +69,19 @@ class CadModel:
         return MeshCaster(self.mesh)
 
     @cached_property
+    def void_corners(self) -> FloatArray:
+        """`(n, 2, 3)`; lowest and highest corners of its voids, metres."""
+        corners = [(void.low, void.high) for void in self.voids]
+        return np.array(corners, dtype=np.float64).reshape(-1, 2, 3)
+
+    @cached_property
+    def box_corners(self) -> FloatArray:
+        """`(8, 3)`; corners of the box around it, metres."""
+        low, high = self.mesh.bounds
+        sides = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+        return low + sides * (high - low)
+
+    @cached_property
     def surface(self) -> Surface:
         """Evenly spread points on its faces."""
         return sample_surface(self.mesh, _SPACING_M, _SAMPLES_MAX)
@@ -76,6 +90,11 @@ class CadModel:
     def tree(self) -> cKDTree:
         """Over the points of its surface."""
         return cKDTree(self.surface.points)
+
+    @cached_property
+    def nearest(self) -> NearestSamples:
+        """The points of its surface nearest to others."""
+        return NearestSamples(self.tree)
 
     @cached_property
     def symmetry_order(self) -> int:

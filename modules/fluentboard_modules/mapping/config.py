@@ -19,6 +19,8 @@ from fluentboard_modules.mapping.surface_config import (
 )
 from fluentboard_modules.mapping.verification_config import (
     AlignmentConfig,
+    CovarianceConfig,
+    RefinementConfig,
     VerificationConfig,
     VisibilityConfig,
 )
@@ -28,6 +30,7 @@ __all__ = [
     "AlignmentConfig",
     "CloudConfig",
     "ContourConfig",
+    "CovarianceConfig",
     "DepthNoiseConfig",
     "ExistenceConfig",
     "FurnitureMapConfig",
@@ -36,6 +39,7 @@ __all__ = [
     "MappingConfig",
     "MeshConfig",
     "NormalsConfig",
+    "RefinementConfig",
     "SegmentationConfig",
     "SurfacesConfig",
     "VerificationConfig",

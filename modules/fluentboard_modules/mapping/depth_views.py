@@ -14,6 +14,7 @@ from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 from fluentboard_modules.mapping.config import DepthNoiseConfig
 
 _NEAREST_M = 0.3
+_CUBES = 1 << 20  # to either side of the origin, along each axis
 _VIEWS_KEPT = 240  # of 77 kB each
 _APART_M, _APART_COSINE = 0.25, 0.97  # views nearer than this to another say the same
 
@@ -42,6 +43,12 @@ class DepthView:
         return self.T_map_sensor.inverse()
 
     @cached_property
+    def intrinsics(self) -> FloatArray:
+        """`(4,)`; fx, fy, cx, cy of the thinned image, pixels."""
+        camera = self.camera
+        return np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+
+    @cached_property
     def rays(self) -> NDArray[np.float32]:
         """`(h, w, 3)`; directions in the sensor's frame with z = 1."""
         return self.camera.rays().astype(np.float32)
@@ -59,6 +66,23 @@ class DepthView:
         seen = self.depth_m > 0.0
         points = self.rays[seen].astype(np.float64) * self.depth_m[seen][:, None]
         return self.T_map_sensor.apply(points)
+
+    def thinned(self, spacing_m: float) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Its measured points in the map, one per cube of a grid, and the numbers of the cubes.
+
+        Returns:
+            `(n, 3)` and `(n,)`; the same cube has the same number in every view.
+        """
+        if spacing_m not in self._thinned:
+            points = self.points_map
+            x, y, z = (np.floor(points / spacing_m).astype(np.int64) + _CUBES).T
+            cubes, first = np.unique((x << 42) | (y << 21) | z, return_index=True)
+            self._thinned[spacing_m] = points[first], cubes
+        return self._thinned[spacing_m]
+
+    @cached_property
+    def _thinned(self) -> dict[float, tuple[FloatArray, NDArray[np.int64]]]:
+        return {}
 
 
 def thin_view(frame: SensorFrame, noise: DepthNoiseConfig, width: int = 160) -> DepthView:

@@ -14,10 +14,14 @@ from fluentboard_modules.mapping.cad_models import ROUND, CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.refinement import Heading
 
 _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
 _ROW_MAX = 12  # models side by side
 _START_STEP_M = 0.35  # ICP bridges 0.25 m
+_LEVEL = 0.7  # of a normal's z
+_INDEPENDENT_SHARE = 0.02  # neighbouring pixels err alike
+_LEAST_HEADING_RAD = 0.003  # planes bend and poses drift
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
 
 
@@ -47,6 +51,29 @@ def possible_starts(
             place = _standing(fit.face, fit.middle + offset, fit.yaw, turn)
             (first if offset == (0.0, 0.0) else others).append(place)
     return first + others
+
+
+def heading_of(geometry: FurnitureGeometry, parts: Sequence[PlanarRegion]) -> Heading | None:
+    """Which way a piece with a backrest faces, and how exactly that plane says so.
+
+    Args:
+        geometry: where the hypothesis puts the piece.
+        parts: its planes, the main plane first.
+    """
+    if geometry.back_plane is None:
+        return None
+    backs = [part for part in parts if abs(part.normal[2]) < _LEVEL]
+    if not backs:
+        return None
+    back = backs[0]
+    spread = back.extents_m[0] / np.sqrt(12.0)
+    independent = max(_INDEPENDENT_SHARE * back.n_points, 1.0)
+    sigma = back.rms_m / max(spread * np.sqrt(independent), 1e-6)
+    return Heading(
+        geometry.pose.yaw_rad,
+        float(np.hypot(sigma, _LEAST_HEADING_RAD)),
+        geometry.may_be_reversed,
+    )
 
 
 def _offsets(slack_m: float) -> list[float]:

@@ -20,11 +20,41 @@ class AlignmentConfig(Settings):
     damping: float = Field(
         default=1.0e-3, gt=0.0, description="Holds what no point binds, per point."
     )
-    sigma_least_m: float = Field(
-        default=0.01, gt=0.0, description="Residuals are never better than the depth's bias."
+
+
+class RefinementConfig(Settings):
+    """The last steps of an alignment, on all pixels that show the model."""
+
+    steps: int = Field(default=5, ge=1, description="Each draws the model anew.")
+    scale_first_m: float = Field(
+        default=0.05, gt=0.0, description="Pixels that are further off do not vote."
     )
+    scale_last_m: float = Field(default=0.025, gt=0.0, description="And in the last step.")
     independent_share: float = Field(
-        default=0.02, gt=0.0, le=1.0, description="Errors of neighbouring points are alike."
+        default=0.25, gt=0.0, le=1.0, description="Pixels that err independently of the others."
+    )
+    bias_m: float = Field(
+        default=0.004, gt=0.0, description="What depth is off besides its noise, per pixel."
+    )
+    edge_m: float = Field(
+        default=0.05, gt=0.0, description="Where the drawn depth steps by more is an edge."
+    )
+    damping: float = Field(
+        default=1.0e-3, gt=0.0, description="Holds what no pixel binds, share of the rest."
+    )
+    pixels_least: int = Field(default=60, ge=1, description="With fewer, the pose stays.")
+
+
+class CovarianceConfig(Settings):
+    """How far a verified pose may be off."""
+
+    floor_m: float = Field(default=0.003, ge=0.0, description="Errors that all pixels share.")
+    floor_rad: float = Field(default=0.003, ge=0.0, description="The same of the heading.")
+    noticed: float = Field(
+        default=0.03,
+        gt=0.0,
+        lt=1.0,
+        description="Where a model is moved and loses less of what speaks for it, nobody notices.",
     )
 
 
@@ -64,6 +94,8 @@ class VerificationConfig(Settings):
         description="Classes without a CAD file are judged by their planes; False: not believed.",
     )
     alignment: AlignmentConfig = AlignmentConfig()
+    refinement: RefinementConfig = RefinementConfig()
+    covariance: CovarianceConfig = CovarianceConfig()
     visibility: VisibilityConfig = VisibilityConfig()
     views_max: int = Field(default=5, ge=1, description="Views that a placement is judged by.")
     starts_max: int = Field(default=3, ge=1, description="Starts of the ICP, the best first.")

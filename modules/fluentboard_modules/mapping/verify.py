@@ -12,31 +12,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fluentboard.model.geometry import FloatArray, Transform
-from fluentboard_modules.mapping.alignment import Standing, align
+from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView, best_views
 from fluentboard_modules.mapping.generic_models import generic_model
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
+from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.starts import possible_rows, possible_starts
+from fluentboard_modules.mapping.pose_covariance import pose_covariance
+from fluentboard_modules.mapping.starts import heading_of, possible_rows, possible_starts
 from fluentboard_modules.mapping.visibility import (
     Visibility,
     compare_with_views,
     front_relief_m,
-    scene_points,
 )
 
-_SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
 # Metres along either axis, radians: the backs of four chairs of the 7-Scenes red kitchen were off
 # by 1.3 cm and 1.1 degrees (root mean square); twice that, since four are few.
 _GENERIC_SIGMA = (0.026, 0.026, 0.04)
-_PLAY_STEPS_M = (0.025, 0.05, 0.1, 0.2, 0.4)  # how far a model is moved to see if it shows
-_NOTICED = 0.03  # of what speaks for it
-_HOPELESS = 0.2  # nothing is aligned below this closeness
-_SETTLED_SCORE = 0.9  # nothing is searched from here on
+_ROW_STEPS_M = (0.2, 0.1, 0.05)  # by which a row is shifted
 _BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
 
 
@@ -65,16 +62,6 @@ class Verdict:
     covariance: FloatArray
     is_accepted: bool
     n_views: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """A model somewhere, and how that looks."""
-
-    standing: Standing
-    visibility: Visibility
-    closeness: float
-    gain: float
 
 
 def verify(
@@ -115,11 +102,10 @@ def verify(
     if not models:
         generic = generic_model(class_name, geometry, parts)
         return () if generic is None else (_judge_generic(generic, geometry, chosen, config),)
-    if prior is not None and prior.model.is_exact and prior.score >= _SETTLED_SCORE:
+    if prior is not None and prior.model.is_exact and prior.score >= SETTLED_SCORE:
         again = possible_starts(prior.model, geometry, parts, config)[:1]
-        verdict = _best_of(
-            prior.model, [*again, prior.standing], chosen, config, geometry, reach_m=0.3
-        )
+        looker = Looker(prior.model, chosen, config, heading_of(geometry, parts))
+        verdict = _best_of(looker, [*again, prior.standing], geometry, reach_m=0.3)
         if verdict.is_accepted and again:
             return (verdict,)
     tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
@@ -151,10 +137,10 @@ def verify_at(
     chosen = best_views(views, centre, radius, config.views_max)
     if not chosen:
         return None
-    first = _look(model, standing, chosen[:3], _coarse(config))
-    if first.closeness < _HOPELESS:
+    looker = Looker(model, chosen, config)
+    if looker.glance(standing).is_hopeless:
         return None
-    return _best_of(model, [standing], chosen, config, geometry, reach_m=_BESIDE_REACH_M)
+    return _best_of(looker, [standing], geometry, reach_m=_BESIDE_REACH_M)
 
 
 def _goodness(verdicts: tuple[Verdict, ...], config: VerificationConfig) -> tuple[bool, float]:
@@ -197,9 +183,10 @@ def _try_model(
     views: Sequence[DepthView],
     config: VerificationConfig,
 ) -> tuple[Verdict, ...]:
+    looker = Looker(model, views, config, heading_of(geometry, parts))
     starts = possible_starts(model, geometry, parts, config)
     if starts:
-        verdict = _best_of(model, starts, views, config, geometry)
+        verdict = _best_of(looker, starts, geometry)
         if (
             not verdict.is_accepted
             and geometry.main_side == "top"
@@ -208,71 +195,40 @@ def _try_model(
             # The backrest may have been that of the chair beside it.
             reseated = replace(geometry, back_plane=None)
             starts = possible_starts(model, reseated, parts, config)
-            other = _best_of(model, starts, views, config, geometry)
+            other = _best_of(Looker(model, views, config), starts, geometry)
             if other.is_accepted:
                 return (replace(other, initial=verdict.initial),)
         return (verdict,)
     rows = possible_rows(model, geometry, parts, config)
     if not rows:
         return ()
-    quick, coarse = views[:3], _coarse(config)
 
     def gain(row: Sequence[Standing]) -> float:
-        looks = (compare_with_views(model, s.transform, quick, coarse.visibility) for s in row)
-        return sum(looks, Visibility()).gain(config.visibility)
+        return sum(looker.glance(standing).gain for standing in row)
 
     best = max(rows, key=gain)
-    for step in _SEARCH_STEPS_M:
+    for step in _ROW_STEPS_M:
         shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
         shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
         best = max(shifted, key=gain)
-    return tuple(
-        _best_of(model, [standing], views, config, geometry, reach_m=0.2) for standing in best
-    )
+    return tuple(_best_of(looker, [standing], geometry, reach_m=0.2) for standing in best)
 
 
 def _best_of(
-    model: CadModel,
+    looker: Looker,
     starts: Sequence[Standing],
-    views: Sequence[DepthView],
-    config: VerificationConfig,
     geometry: FurnitureGeometry,
     reach_m: float = np.inf,
 ) -> Verdict:
-    """The best place that ICP finds from any of the starts, or a start itself if that is better."""
-    initial = _look(model, starts[0], views, config)
-    best: _Trial = initial
-    covariance: FloatArray | None = None
-    if len(starts) > config.starts_max:
-        quick, coarse = views[:3], _coarse(config)
-        looks = [(_look(model, start, quick, coarse), k) for k, start in enumerate(starts)]
-        looks.sort(key=lambda look: (-look[0].gain, look[1]))
-        # Nothing near is like the model: ICP would not help.
-        starts = [starts[k] for look, k in looks if look.closeness >= _HOPELESS]
-    for start in starts[: config.starts_max]:
-        points = _points_around(model, start, views, config)
-        aligned = align(points, model, start, config.alignment)
-        moved = float(np.hypot(aligned.standing.x - start.x, aligned.standing.y - start.y))
-        for standing in (aligned.standing, start):
-            if standing is aligned.standing and moved > reach_m:
-                continue
-            trial = _look(model, standing, views, config)
-            if trial.gain > best.gain:
-                best, covariance = trial, aligned.covariance
-    if covariance is None:
-        points = _points_around(model, initial.standing, views, config)
-        covariance = align(points, model, initial.standing, config.alignment).covariance
-    if best.visibility.score(config.visibility) < _SETTLED_SCORE:
-        best = _searched(model, best, views, config)
-    score, initial_score = (t.visibility.score(config.visibility) for t in (best, initial))
+    """The verdict on the best place that is found from any of the starts."""
+    model, views, config = looker.model, looker.views, looker.config
+    initial, best = best_place(looker, starts, reach_m)
+    score, initial_score = best.score, initial.score
     if geometry.main_side == "front":
         # All that is measured lies in one plane: whether it is a front shows in its relief.
         relief = front_relief_m(model, best.standing.transform, views, config.visibility)
         share = float(np.clip(relief / config.relief_m, 0.0, 1.0))
         score, initial_score = share * score, share * initial_score
-    is_accepted = score >= (config.accept_exact_score if model.is_exact else config.accept_score)
-    if is_accepted:
-        covariance = covariance + _play(model, best, views, config)
     return Verdict(
         model,
         best.standing,
@@ -280,84 +236,7 @@ def _best_of(
         score,
         initial_score,
         best.visibility,
-        covariance,
-        is_accepted,
+        pose_covariance(looker, best, config.covariance),
+        score >= (config.accept_exact_score if model.is_exact else config.accept_score),
         len(views),
     )
-
-
-def _coarse(config: VerificationConfig) -> VerificationConfig:
-    """For first looks: every other pixel in both directions."""
-    visibility = config.visibility.model_copy(update={"pixel_step": 2})
-    return config.model_copy(update={"visibility": visibility})
-
-
-def _searched(
-    model: CadModel, best: _Trial, views: Sequence[DepthView], config: VerificationConfig
-) -> _Trial:
-    """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
-    if best.closeness < _HOPELESS:
-        return best
-    for step in _SEARCH_STEPS_M:
-        for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
-            trial = _look(model, best.standing.moved(dx, dy, 0.0), views, config)
-            if trial.gain > best.gain:
-                best = trial
-                break
-    return best
-
-
-def _play(
-    model: CadModel, best: _Trial, views: Sequence[DepthView], config: VerificationConfig
-) -> FloatArray:
-    """`(3, 3)`; variance of the directions in which a model can be moved unnoticed, map axes.
-
-    The Hessian of the ICP does not know of it: where no end of a top was seen, the points bind the
-    model to itself. What can be moved by s either way without a loss may be anywhere in between,
-    which has the variance s^2 / 3.
-    """
-    quick, coarse = views[:3], _coarse(config)
-    reference = _look(model, best.standing, quick, coarse)
-    least = reference.gain - _NOTICED * abs(reference.visibility.close)
-    variance = np.zeros(2)
-    for axis in range(2):
-        for step in _PLAY_STEPS_M:
-            shift = step * np.eye(2)[axis]
-            trials = (
-                _look(model, best.standing.moved(*(side * shift), 0.0), quick, coarse)
-                for side in (1.0, -1.0)
-            )
-            if not any(trial.gain >= least for trial in trials):
-                break
-            variance[axis] = step**2 / 3.0
-    c, s = np.cos(best.standing.yaw_rad), np.sin(best.standing.yaw_rad)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return turn @ np.diag([*variance, 0.0]) @ turn.T
-
-
-def _look(
-    model: CadModel, standing: Standing, views: Sequence[DepthView], config: VerificationConfig
-) -> _Trial:
-    visibility = compare_with_views(model, standing.transform, views, config.visibility)
-    closeness, gain = (f(config.visibility) for f in (visibility.closeness, visibility.gain))
-    return _Trial(standing, visibility, closeness, gain)
-
-
-def _points_around(
-    model: CadModel,
-    standing: Standing,
-    views: Sequence[DepthView],
-    config: VerificationConfig,
-) -> FloatArray:
-    """`(n, 3)`; scene points in an oriented box around the model, without the floor."""
-    low, high = model.mesh.bounds
-    margin = config.crop_margin_m
-    middle = 0.5 * (low + high)
-    half = 0.5 * (high - low) + margin
-    floor = 0.04
-    half[2] = 0.5 * (high[2] + margin - floor)
-    middle[2] = floor + half[2]
-    T_map_box = standing.transform @ Transform.from_parts(np.eye(3), middle)
-    points = scene_points(views, T_map_box, half, config.alignment.spacing_m)
-    thin = max(1, -(-len(points) // config.alignment.points_max))
-    return points[::thin]

@@ -12,15 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from fluentboard.model.geometry import FloatArray, Transform
-from fluentboard_modules.mapping.cad_models import CadModel, Void
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.view_kernels import compare, draw
 
 _NEAREST_M = 0.3
 _BESIDE_M = 0.01
@@ -115,154 +116,56 @@ def compare_with_view(
     model: CadModel, T_map_model: Transform, view: DepthView, config: VisibilityConfig
 ) -> Visibility:
     """Looks at a placed model from one view."""
-    window = _window(model, T_map_model, view, config)
+    T_sensor_model = view.T_sensor_map @ T_map_model
+    window = image_window(model, T_sensor_model, view, config)
     if window is None:
         return Visibility()
-    rows, columns = window
+    corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
     step = config.pixel_step
-    rows, columns = slice(rows.start, rows.stop, step), slice(columns.start, columns.stop, step)
-    rays = view.rays[rows, columns]
-    depth = view.depth_m[rows, columns]
-    T_model_sensor = T_map_model.inverse() @ view.T_map_sensor
-    origin = T_model_sensor.translation.astype(np.float32)
-    directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
-    hits = model.caster.cast(np.concatenate([np.broadcast_to(origin, rays.shape), directions], -1))
-    expected = hits.distance
-    on_model = np.isfinite(expected)
-    if not on_model.any():
-        return Visibility()
-    tolerance = np.maximum(
-        np.float32(config.tolerance_m),
-        np.float32(config.tolerance_sigma) * view.sigma_m[rows, columns],
+    expected, triangle = draw(corners, view.intrinsics, window, step)
+    areas = compare(
+        expected,
+        triangle,
+        corners,
+        view.depth_m,
+        view.sigma_m,
+        view.intrinsics,
+        window,
+        step,
+        T_sensor_model.inverse().matrix,
+        model.void_corners,
+        config.tolerance_m,
+        config.tolerance_sigma,
+        _BESIDE_M,
+        config.overrun_reach_m,
+        config.floor_clear_m,
     )
-    known = depth > 0.0
-    misfit = _misfit(depth, expected)
-    agrees = (misfit <= tolerance) & on_model
-    nearer = on_model & known & ~agrees & (depth < expected)
-    farther = on_model & known & ~agrees & (depth > expected)
-    scale = np.float32(step * step / (view.camera.fx * view.camera.fy))
-    area = np.where(on_model, expected, 0.0) ** 2 * scale
-    overrun = _overrun_m2(
-        model, T_model_sensor, rays, depth, expected, hits.triangle, agrees, tolerance, config, step
-    )
-    filled, empty = _voids_m2(model.voids, origin, directions, depth, known, scale)
-    return Visibility(
-        explained=float(area[agrees].sum()),
-        occluded=float(area[nearer].sum()),
-        violated=float(area[farther].sum()),
-        unknown=float(area[on_model & ~known & ~agrees].sum()),
-        overrun=overrun * float(scale),
-        filled=filled,
-        empty=empty,
-        close=float((area * np.maximum(0.0, 1.0 - (misfit / tolerance) ** 2))[agrees].sum()),
-    )
+    return Visibility(*areas.tolist())
 
 
-def _window(
-    model: CadModel, T_map_model: Transform, view: DepthView, config: VisibilityConfig
-) -> tuple[slice, slice] | None:
-    """The part of the image that shows the model and a little around it."""
-    low, high = model.mesh.bounds
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    corners = low + corners * (high - low)
-    points = view.T_sensor_map.apply(T_map_model.apply(corners))
+def image_window(
+    model: CadModel, T_sensor_model: Transform, view: DepthView, config: VisibilityConfig
+) -> NDArray[np.int64] | None:
+    """The part of the image that shows the model and a little around it.
+
+    Returns:
+        First row, row behind the last, first column, column behind the last.
+    """
+    points = T_sensor_model.apply(model.box_corners)
     camera = view.camera
-    if (points[:, 2] < _NEAREST_M).all():
+    nearest = float(points[:, 2].min())
+    if float(points[:, 2].max()) < _NEAREST_M:
         return None
-    if (points[:, 2] < _NEAREST_M).any():
-        return slice(0, camera.height), slice(0, camera.width)
+    if nearest < _NEAREST_M:
+        return np.array([0, camera.height, 0, camera.width])
     pixels = camera.project(points)
-    margin = config.overrun_reach_m * camera.fx / float(points[:, 2].min()) + 2.0
-    left, top = np.floor(pixels.min(axis=0) - margin).astype(int)
-    right, bottom = np.ceil(pixels.max(axis=0) + margin).astype(int) + 1
-    left, right = max(left, 0), min(right, camera.width)
-    top, bottom = max(top, 0), min(bottom, camera.height)
+    margin = config.overrun_reach_m * camera.fx / nearest + 2.0
+    (u_low, v_low), (u_high, v_high) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    left, right = max(floor(u_low - margin), 0), min(ceil(u_high + margin) + 1, camera.width)
+    top, bottom = max(floor(v_low - margin), 0), min(ceil(v_high + margin) + 1, camera.height)
     if right - left < 2 or bottom - top < 2:
         return None
-    return slice(top, bottom), slice(left, right)
-
-
-def _misfit(depth: NDArray[np.float32], expected: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Least difference to a measurement at the pixel or beside it: at an edge half a pixel decides.
-
-    What is beside it counts as a little worse, so that of two poses the exact one wins.
-    """
-    padded = np.pad(depth, 1)
-    h, w = depth.shape
-    least = np.full(depth.shape, np.inf, dtype=np.float32)
-    for dy, dx in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2)):
-        shifted = padded[dy : dy + h, dx : dx + w]
-        extra = np.float32(0.0 if (dy, dx) == (1, 1) else _BESIDE_M)
-        with np.errstate(invalid="ignore"):
-            difference = np.where(shifted > 0.0, np.abs(shifted - expected) + extra, np.inf)
-        least = np.minimum(least, difference.astype(np.float32))
-    return least
-
-
-def _overrun_m2(
-    model: CadModel,
-    T_model_sensor: Transform,
-    rays: NDArray[np.float32],
-    depth: NDArray[np.float32],
-    expected: NDArray[np.float32],
-    triangle: NDArray[np.int32],
-    agrees: NDArray[np.bool_],
-    tolerance: NDArray[np.float32],
-    config: VisibilityConfig,
-    step: int,
-) -> float:
-    """Pixels times depth squared where the measured surface goes on beyond the model's outline."""
-    outside = ~np.isfinite(expected) & (depth > 0.0)
-    if not outside.any() or not agrees.any():
-        return 0.0
-    distance_px, nearest = distance_transform_edt(
-        ~np.isfinite(expected), return_distances=True, return_indices=True
-    )
-    row, column = nearest[0][outside], nearest[1][outside]
-    normal = model.caster.triangle_normal[triangle[row, column]] @ T_model_sensor.rotation.astype(
-        np.float32
-    )
-    foot = rays[row, column] * expected[row, column][:, None]
-    ray = rays[outside]
-    along = np.einsum("ij,ij->i", normal, ray)
-    steep = np.abs(along) < 0.15 * np.linalg.norm(ray, axis=1)
-    safe = np.where(np.abs(along) < 1e-4, np.float32(1e-4), along)
-    continued = np.einsum("ij,ij->i", normal, foot) / safe
-    measured = depth[outside]
-    goes_on = np.abs(measured - continued) <= tolerance[outside]
-    goes_on &= ~steep & agrees[row, column]
-    # Neighbouring pixels of a true edge may still show it: start a pixel further out.
-    gap = np.linalg.norm(ray * measured[:, None] - foot, axis=1)
-    goes_on &= (gap <= config.overrun_reach_m) & (distance_px[outside] > 1.0)
-    height = (ray * measured[:, None]) @ T_model_sensor.rotation[2].astype(
-        np.float32
-    ) + T_model_sensor.translation[2]
-    goes_on &= height > config.floor_clear_m
-    return float((measured[goes_on] ** 2).sum())
-
-
-def _voids_m2(
-    voids: Sequence[Void],
-    origin: NDArray[np.float32],
-    directions: NDArray[np.float32],
-    depth: NDArray[np.float32],
-    known: NDArray[np.bool_],
-    scale: np.float32,
-) -> tuple[float, float]:
-    """Cross-section of the voids in which something was measured, and that was seen through."""
-    filled = empty = 0.0
-    safe = np.where(np.abs(directions) < 1e-6, np.float32(1e-6), directions)
-    for void in voids:
-        a = (np.array(void.low, dtype=np.float32) - origin) / safe
-        b = (np.array(void.high, dtype=np.float32) - origin) / safe
-        enter = np.minimum(a, b).max(axis=-1)
-        leave = np.maximum(a, b).min(axis=-1)
-        crossed = (enter < leave) & (enter > 0.0) & known
-        inside = crossed & (depth > enter) & (depth < leave)
-        through = crossed & (depth >= leave)
-        filled += float((depth[inside] ** 2).sum() * scale)
-        empty += float((leave[through] ** 2).sum() * scale)
-    return filled, empty
+    return np.array([top, bottom, left, right])
 
 
 def front_relief_m(
@@ -280,20 +183,21 @@ def front_relief_m(
     normal_matrix, right_side = 1e-9 * np.eye(4), np.zeros(4)
     counts = np.zeros(2)
     for view in views:
-        window = _window(model, T_map_model, view, config)
+        T_sensor_model = view.T_sensor_map @ T_map_model
+        window = image_window(model, T_sensor_model, view, config)
         if window is None:
             continue
-        rays, depth = view.rays[window], view.depth_m[window]
-        T_model_sensor = T_map_model.inverse() @ view.T_map_sensor
+        part = slice(window[0], window[1]), slice(window[2], window[3])
+        rays, depth = view.rays[part], view.depth_m[part]
+        T_model_sensor = T_sensor_model.inverse()
         origin = T_model_sensor.translation.astype(np.float32)
         directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
         if origin[0] <= front:
             continue
-        hits = model.caster.cast(
-            np.concatenate([np.broadcast_to(origin, rays.shape), directions], -1)
-        )
-        hit = np.isfinite(hits.distance)
-        expected_x = origin[0] + np.where(hit, hits.distance, 0.0) * directions[..., 0]
+        corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
+        expected, _ = draw(corners, view.intrinsics, window, 1)
+        hit = np.isfinite(expected)
+        expected_x = origin[0] + np.where(hit, expected, 0.0) * directions[..., 0]
         measured = origin + depth[..., None] * directions
         behind = front - measured[..., 0]
         # What is far in front of it or far inside says nothing about its edges.
@@ -304,7 +208,7 @@ def front_relief_m(
         used = is_edge | is_opening
         y, z = measured[used][:, 1], measured[used][:, 2]
         rows = np.column_stack([np.ones(len(y)), y, z, is_opening[used]]).astype(np.float64)
-        weight = 1.0 / np.maximum(view.sigma_m[window][used], 1e-3).astype(np.float64) ** 2
+        weight = 1.0 / np.maximum(view.sigma_m[part][used], 1e-3).astype(np.float64) ** 2
         normal_matrix += (rows * weight[:, None]).T @ rows
         right_side += (rows * weight[:, None]).T @ behind[used]
     if (counts < _RELIEF_PIXELS).any():
@@ -318,15 +222,17 @@ def scene_points(
     views: Sequence[DepthView], T_map_box: Transform, half_size: FloatArray, spacing_m: float
 ) -> FloatArray:
     """`(n, 3)`; measured points of all views in an oriented box, one per cube of the spacing."""
-    parts: list[FloatArray] = []
     T_box_map = T_map_box.inverse()
+    parts: list[FloatArray] = []
+    cubes: list[NDArray[np.int64]] = []
     for view in views:
-        points = view.points_map
-        in_box = T_box_map.apply(points)
-        parts.append(points[(np.abs(in_box) <= half_size).all(axis=1)])
-    points = np.concatenate(parts) if parts else np.zeros((0, 3))
-    if len(points) == 0:
-        return points
-    x, y, z = np.floor((points - points.min(axis=0)) / spacing_m).astype(np.int64).T
-    _, first = np.unique((x << 40) | (y << 20) | z, return_index=True)
-    return points[np.sort(first)]
+        points, cube = view.thinned(spacing_m)
+        inside = (np.abs(T_box_map.apply(points)) <= half_size).all(axis=1)
+        parts.append(points[inside])
+        cubes.append(cube[inside])
+    if len(parts) == 1:
+        return parts[0]
+    if not parts:
+        return np.zeros((0, 3))
+    _, first = np.unique(np.concatenate(cubes), return_index=True)
+    return np.concatenate(parts)[first]

@@ -1,0 +1,171 @@
+"""Where a CAD model stands: of many possible starts the best place, by what depth images show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fluentboard.model.geometry import FloatArray, Transform
+from fluentboard_modules.mapping.alignment import Standing, align
+from fluentboard_modules.mapping.cad_models import CadModel
+from fluentboard_modules.mapping.config import VerificationConfig
+from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.refinement import Heading, Refined, refine
+from fluentboard_modules.mapping.visibility import Visibility, compare_with_views, scene_points
+
+_SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
+_GLANCE_VIEWS = 3
+_HOPELESS = 0.2  # nothing is aligned below this closeness
+SETTLED_SCORE = 0.9
+"""Nothing is searched from here on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A model somewhere, and how that looks."""
+
+    standing: Standing
+    visibility: Visibility
+    closeness: float
+    gain: float
+    score: float
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether hardly anything there is like the model."""
+        return self.closeness < _HOPELESS
+
+
+class Looker:
+    """Looks at one model in the same views, here and there.
+
+    Args:
+        model: what may be there.
+        views: depth images of the place, the best first.
+        config: of the comparison.
+        heading: which way it faces, if its planes say so.
+    """
+
+    def __init__(
+        self,
+        model: CadModel,
+        views: Sequence[DepthView],
+        config: VerificationConfig,
+        heading: Heading | None = None,
+    ) -> None:
+        self.model = model
+        self.views = views
+        self.config = config
+        self.heading = heading
+        self._coarse = config.visibility.model_copy(update={"pixel_step": 2})
+
+    def look(self, standing: Standing) -> Trial:
+        """With all views and all their pixels."""
+        visibility = compare_with_views(
+            self.model, standing.transform, self.views, self.config.visibility
+        )
+        return self._trial(standing, visibility)
+
+    def glance(self, standing: Standing) -> Trial:
+        """With the best views and every other pixel in both directions."""
+        views = self.views[:_GLANCE_VIEWS]
+        visibility = compare_with_views(self.model, standing.transform, views, self._coarse)
+        return self._trial(standing, visibility)
+
+    def refine(self, standing: Standing) -> Refined:
+        """The last centimetre."""
+        config = self.config
+        return refine(
+            self.model,
+            standing,
+            self.views,
+            config.visibility,
+            config.refinement,
+            self.heading,
+        )
+
+    def _trial(self, standing: Standing, visibility: Visibility) -> Trial:
+        config = self.config.visibility
+        closeness, gain, score = (
+            f(config) for f in (visibility.closeness, visibility.gain, visibility.score)
+        )
+        return Trial(standing, visibility, closeness, gain, score)
+
+
+def best_place(
+    looker: Looker, starts: Sequence[Standing], reach_m: float = np.inf
+) -> tuple[Trial, Trial]:
+    """The best place that ICP finds from any of the starts, or a start itself if that is better.
+
+    Args:
+        looker: at the model.
+        starts: where it may stand.
+        reach_m: a place that ICP finds further off than this is another piece's.
+
+    Returns:
+        The likeliest of the starts before anything was aligned, and the best place.
+    """
+    config = looker.config
+    if len(starts) > 1:
+        glances = [(looker.glance(start), k) for k, start in enumerate(starts)]
+        glances.sort(key=lambda pair: (-pair[0].gain, pair[1]))
+        likeliest = starts[glances[0][1]]
+        if len(starts) > config.starts_max:
+            # Nothing near is like the model: ICP would not help.
+            glances = [pair for pair in glances if not pair[0].is_hopeless]
+        tried = [starts[k] for _, k in glances[: config.starts_max]]
+    else:
+        likeliest, tried = starts[0], starts
+    initial = best = looker.look(likeliest)
+    for start in tried:
+        points = _points_around(looker, start)
+        aligned = align(points, looker.model, start, config.alignment)
+        places = [start]
+        if np.hypot(aligned.x - start.x, aligned.y - start.y) <= reach_m:
+            places.insert(0, aligned)
+        best = max([best, *map(looker.look, places)], key=_gain)
+    best = _refined(looker, best)
+    if best.score < SETTLED_SCORE:
+        searched = _searched(looker, best)
+        if searched is not best:
+            best = _refined(looker, searched)
+    return initial, best
+
+
+def _gain(trial: Trial) -> float:
+    return trial.gain
+
+
+def _refined(looker: Looker, best: Trial) -> Trial:
+    return max(best, looker.look(looker.refine(best.standing).standing), key=_gain)
+
+
+def _searched(looker: Looker, best: Trial) -> Trial:
+    """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
+    if best.is_hopeless:
+        return best
+    for step in _SEARCH_STEPS_M:
+        for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
+            trial = looker.look(best.standing.moved(dx, dy, 0.0))
+            if trial.gain > best.gain:
+                best = trial
+                break
+    return best
+
+
+def _points_around(looker: Looker, standing: Standing) -> FloatArray:
+    """`(n, 3)`; scene points in an oriented box around the model, without the floor."""
+    config = looker.config
+    low, high = looker.model.mesh.bounds
+    margin = config.crop_margin_m
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low) + margin
+    floor = 0.04
+    half[2] = 0.5 * (high[2] + margin - floor)
+    middle[2] = floor + half[2]
+    T_map_box = standing.transform @ Transform.from_parts(np.eye(3), middle)
+    points = scene_points(looker.views, T_map_box, half, config.alignment.spacing_m)
+    thin = max(1, -(-len(points) // config.alignment.points_max))
+    return points[::thin]

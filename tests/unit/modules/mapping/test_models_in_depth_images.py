@@ -1,0 +1,130 @@
+"""Models drawn into depth images: the same as rays cast, and poses to the millimetre."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fluentboard.model.geometry import Pose, Transform
+from fluentboard_modules.mapping.alignment import Standing
+from fluentboard_modules.mapping.alignment_kernels import OUTSIDE
+from fluentboard_modules.mapping.cad_models import CadModel
+from fluentboard_modules.mapping.config import (
+    DepthNoiseConfig,
+    RefinementConfig,
+    VisibilityConfig,
+)
+from fluentboard_modules.mapping.depth_views import DepthView, thin_view
+from fluentboard_modules.mapping.nearest_samples import VOXEL_M
+from fluentboard_modules.mapping.refinement import Heading, refine
+from fluentboard_modules.mapping.view_kernels import draw
+from fluentboard_modules.mapping.visibility import scene_points
+from fluentboard_modules.simulation import furniture
+from fluentboard_modules.simulation.noise import NoiseConfig
+from fluentboard_modules.simulation.scene import Instance, Scene
+from fluentboard_modules.simulation.sensor import RgbdSensor
+from fluentboard_modules.simulation.viewpoint import kinect_camera, look_at
+
+CHAIR = furniture.chair()
+CHAIR_CAD = CadModel(CHAIR.name, CHAIR.cls, CHAIR.mesh)
+CAMERA = kinect_camera(160)
+
+
+def look(eye: tuple[float, float, float], seed: int = 0) -> DepthView:
+    """A noisy view of the chair, which stands at the origin and faces +x."""
+    scene = Scene(
+        (
+            Instance("floor", furniture.floor(8.0, 8.0), Pose(0.0, 0.0, 0.0)),
+            Instance("chair", CHAIR, Pose(0.0, 0.0, 0.0)),
+        )
+    )
+    frame = RgbdSensor(CAMERA, NoiseConfig()).look(
+        scene,
+        look_at(np.array(eye), np.array([0.0, 0.0, 0.5])),
+        1.0,
+        np.random.default_rng(seed),
+    )
+    return thin_view(frame, DepthNoiseConfig())
+
+
+@pytest.mark.parametrize("eye", [(1.5, 0.4, 1.3), (0.35, 0.1, 0.6)], ids=["ahead", "beside"])
+@pytest.mark.parametrize("step", [1, 2])
+def test_drawing_a_model_is_casting_rays_at_it(eye: tuple[float, float, float], step: int) -> None:
+    T_map_sensor = look_at(np.array(eye), np.array([0.0, 0.0, 0.5]))
+    corners = T_map_sensor.inverse().apply(CHAIR.mesh.vertices)[CHAIR.mesh.triangles]
+    intrinsics = np.array([CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy])
+    window = np.array([10, 110, 20, 150])
+
+    depth, triangle = draw(corners, intrinsics, window, step)
+
+    rays = CAMERA.rays()[10:110:step, 20:150:step]
+    origin = np.broadcast_to(T_map_sensor.translation, rays.shape)
+    both = np.concatenate([origin, T_map_sensor.rotate(rays)], axis=-1)
+    hits = CHAIR_CAD.caster.cast(both.astype(np.float32))
+    same = np.isclose(depth, hits.distance, atol=1e-4) | (np.isinf(depth) & np.isinf(hits.distance))
+    assert same.mean() > 0.999  # rays along an edge may miss either way
+    assert ((triangle >= 0) == np.isfinite(depth)).all()
+
+
+def test_pixels_find_a_chair_to_the_millimetre() -> None:
+    views = [look((1.6, 0.9, 1.4)), look((-0.4, -1.7, 1.4), seed=1)]
+
+    found = refine(
+        CHAIR_CAD, Standing(0.02, -0.015, 0.03), views, VisibilityConfig(), RefinementConfig()
+    )
+
+    assert np.hypot(found.standing.x, found.standing.y) < 0.004
+    assert abs(found.standing.yaw_rad) < np.deg2rad(0.5)
+    assert 0.2 < found.misfit < 2.0
+    assert (np.linalg.eigvalsh(found.information) > 0.0).all()
+
+
+def test_what_shows_no_pixel_stays_where_it_is() -> None:
+    start = Standing(0.3, 3.0, 1.0)
+    away = [look((1.6, 0.9, 1.4))]
+
+    found = refine(CHAIR_CAD, start, away, VisibilityConfig(), RefinementConfig())
+
+    assert found.standing == start
+    assert found.n_pixels < RefinementConfig().pixels_least
+
+
+def test_a_heading_that_is_known_exactly_is_kept() -> None:
+    view = look((1.6, 0.9, 1.4))
+    heading = Heading(np.pi, 1e-5, may_be_reversed=True)
+
+    found = refine(
+        CHAIR_CAD,
+        Standing(0.0, 0.0, 0.02),
+        [view],
+        VisibilityConfig(),
+        RefinementConfig(),
+        heading,
+    )
+
+    assert abs(found.standing.yaw_rad) < 1e-4
+
+
+def test_nearest_samples_are_those_of_a_search() -> None:
+    samples = CHAIR_CAD.surface.points
+    nearest = CHAIR_CAD.nearest
+    number = int(np.ravel_multi_index((14, 15, 16), nearest.field.shape))
+
+    nearest.find(np.array([number, number]))
+
+    centre = nearest.low + (np.array([14, 15, 16]) + 0.5) * VOXEL_M
+    expected = int(np.argmin(np.linalg.norm(samples - centre, axis=1)))
+    assert nearest.field[14, 15, 16] == expected
+    nearest.find(np.array([0]))
+    assert nearest.field[0, 0, 0] == OUTSIDE
+
+
+def test_points_of_two_views_of_one_place_are_kept_once() -> None:
+    view = look((1.6, 0.9, 1.4))
+    half = np.array([0.5, 0.5, 1.0])
+
+    once = scene_points([view], Transform.identity(), half, 0.025)
+    twice = scene_points([view, view], Transform.identity(), half, 0.025)
+
+    assert len(once) > 100
+    assert len(once) == len(twice)
