@@ -19,7 +19,7 @@ from fluentboard_modules.simulation.drive import (
 )
 from fluentboard_modules.simulation.navigation import costmap
 from fluentboard_modules.simulation.noise import NoiseConfig
-from fluentboard_modules.simulation.picture import birds_eye, perspective
+from fluentboard_modules.simulation.picture import perspective
 from fluentboard_modules.simulation.recording import record
 from fluentboard_modules.simulation.restaurant import restaurant
 from fluentboard_modules.simulation.robots import PR2
@@ -162,9 +162,6 @@ def test_pictures_have_the_size_asked_for_and_show_something():
     image = perspective(SCENE, width=64, height=40)
     assert image.shape == (40, 64, 3)
     assert len(np.unique(image.reshape(-1, 3), axis=0)) > 20
-    above = birds_eye(SCENE, width=60)
-    assert above.shape[1] == 60
-    assert len(np.unique(above.reshape(-1, 3), axis=0)) > 20
 
 
 def test_the_race_world_is_driven_through_from_its_file(shared_data: Path):

@@ -107,10 +107,6 @@ class LabelledGraphs:
             self.edge_names,
         )
 
-    def without_confidence(self) -> LabelledGraphs:
-        """The same graphs as if there were no local recognition: every class as likely."""
-        return self.with_confidence(np.full_like(self.confidence, 1.0 / max(len(self.classes), 1)))
-
     def with_confidence(self, confidence: FloatArray) -> LabelledGraphs:
         """The same graphs with other confidences `(nodes, classes)`."""
         return replace(self, confidence=confidence)

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.crf import Potentials
@@ -360,14 +359,3 @@ def _rank(
             turn[depth, at] = turn[depth, at - 1]
             at -= 1
         turn[depth, at] = label
-
-
-def brute_force(potentials: Potentials) -> tuple[NDArray[np.int64], float]:
-    """The best assignment of a small graph by trying all: the oracle of the tests."""
-    count, classes = potentials.unary.shape
-    grids = np.indices((classes,) * count).reshape(count, classes**count)
-    total = potentials.unary[np.arange(count)[:, None], grids].sum(axis=0)
-    for (a, b), table in zip(potentials.edges, potentials.pairwise, strict=True):
-        total = total + table[grids[a], grids[b]]
-    best = int(np.argmax(total))
-    return grids[:, best].astype(np.int64), float(total[best])

@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.special import logsumexp
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.crf import Potentials
@@ -198,13 +197,3 @@ def _gibbs(
                 label += 1
             labels[i] = label
     return total
-
-
-def log_partition(potentials: Potentials) -> float:
-    """Logarithm of the sum over all joint assignments of a small graph: an oracle for tests."""
-    count, classes = potentials.unary.shape
-    grids = np.indices((classes,) * count).reshape(count, classes**count)
-    total = potentials.unary[np.arange(count)[:, None], grids].sum(axis=0)
-    for (a, b), table in zip(potentials.edges, potentials.pairwise, strict=True):
-        total = total + table[grids[a], grids[b]]
-    return float(logsumexp(total))

@@ -61,7 +61,6 @@ class Cluster:
         is_cut_off: whether the border of the image may hide a part of it.
         is_occluded: whether something nearer to the camera may hide a part of it.
         sensor: name of the sensor.
-        frame_index: running number of the frame within its source.
     """
 
     points_map: FloatArray
@@ -75,7 +74,6 @@ class Cluster:
     is_cut_off: bool = False
     is_occluded: bool = False
     sensor: str = "camera"
-    frame_index: int = 0
 
     @property
     def centroid_map(self) -> FloatArray:

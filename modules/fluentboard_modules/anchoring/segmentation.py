@@ -160,7 +160,6 @@ def _cluster(
         is_cut_off=is_cut_off,
         is_occluded=_is_occluded(mask, points),
         sensor=frame.sensor,
-        frame_index=frame.index,
     )
 
 

@@ -186,18 +186,6 @@ def chair(
     )
 
 
-def stool(seat_height: float = 0.46, diameter: float = 0.34, colour: Colour = BEECH) -> Model:
-    """A round stool on four legs."""
-    reach = 0.36 * diameter
-    parts = [cylinder(0.5 * diameter, 0.035, 32).shifted(z=seat_height - 0.035)]
-    parts += [
-        cylinder(0.015, seat_height - 0.035, 12).shifted(sx * reach, sy * reach)
-        for sx in (-0.75, 0.75)
-        for sy in (-0.75, 0.75)
-    ]
-    return Model(_model_name("stool", seat_height, diameter), "Stool", merge(parts), colour)
-
-
 def shelf(
     width: float = 0.9,
     depth: float = 0.38,

@@ -54,26 +54,6 @@ def perspective(
     return _render(shown, pinhole(2 * width, 2 * height, fov_rad), look_at(start, aim))
 
 
-def birds_eye(scene: Scene, width: int = 1200, margin_m: float = 0.3) -> Image:
-    """`(h, w, 3)` RGB; the scene from straight above, north (+y) up, without perspective.
-
-    Ceilings are left out. One pixel is as long everywhere: the width of the scene and its margins
-    over the width of the image.
-    """
-    shown = Scene(tuple(i for i in scene.instances if i.cls != "Ceiling"))
-    low, high = shown.bounds
-    x_low, y_low = low[:2] - margin_m
-    x_high, y_high = high[:2] + margin_m
-    height = max(1, round(width * float((y_high - y_low) / (x_high - x_low))))
-    x, y = np.meshgrid(
-        np.linspace(x_low, x_high, 2 * width), np.linspace(y_high, y_low, 2 * height)
-    )
-    rays = np.zeros((2 * height, 2 * width, 6), dtype=np.float32)
-    rays[..., 0], rays[..., 1], rays[..., 2] = x, y, high[2] + 1.0
-    rays[..., 5] = -1.0
-    return _shaded(shown, rays)
-
-
 def save_picture(image: Image, path: str | Path) -> None:
     """Write an image as PNG or JPEG."""
     import cv2

@@ -15,7 +15,6 @@ from fluentboard_modules.simulation.scene import Scene
 
 Float32Array = NDArray[np.float32]
 
-NO_HIT = -1
 STEEL_COLOUR = (176, 182, 190)
 """Of polished triangles, whatever the colour of the model."""
 

@@ -172,11 +172,6 @@ def load_scene(path: str | Path) -> Scene:
     return with_supports_resolved(scene_from_json(document, path.parent / "meshes"))
 
 
-def save_scene(scene: Scene, path: str | Path) -> None:
-    """Write the scene, meshes and all, as one JSON file that `load_scene` reads."""
-    Path(path).write_text(json.dumps(scene_to_json(scene)), encoding="utf-8")
-
-
 def _pose_from_json(values: Sequence[float]) -> Pose:
     if len(values) != 6:
         raise ValueError(f"a pose of {len(values)} numbers, expected x y z roll pitch yaw")

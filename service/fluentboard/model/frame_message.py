@@ -30,7 +30,6 @@ from fluentboard.model.interval import checked_time
 
 MEDIA_TYPE = "application/vnd.fluentboard.frame"
 
-DepthEncoding = Literal["png16_mm"]
 ColourEncoding = Literal["jpeg", "png"]
 
 _LENGTH = struct.Struct("<I")

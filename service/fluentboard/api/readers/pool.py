@@ -96,7 +96,6 @@ class ReaderPool:
         self._pending = 0
         self._changes = 0
         self._closed = False
-        self.killed = 0
         # Left behind by a service that was killed.
         shutil.rmtree(folder, ignore_errors=True)
         self._stop_listening = board.listen(self._on_commits)
@@ -291,7 +290,6 @@ class _Keeper:
 
     def _why(self, job: Job) -> FluentboardError:
         if job.is_abandoned:
-            self._pool.killed += 1
             return QueryTimeout("the query was stopped")
         limit = self._pool.memory_max_bytes
         return TooLarge(

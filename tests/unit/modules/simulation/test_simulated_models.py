@@ -19,7 +19,6 @@ FURNITURE = [
     furniture.counter(),
     furniture.chair(),
     furniture.chair(slats=3),
-    furniture.stool(),
     furniture.shelf(),
     furniture.cabinet(),
 ]
