@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import httpx
 
 from fluentboard_client import exchange
 from fluentboard_client.client import DEFAULT_BOARD
+from fluentboard_client.conversation import LiveQuery
 from fluentboard_client.exchange import Request
 from fluentboard_client.fluent_calls import FluentCalls
-from fluentboard_client.live_calls import LiveAwaiting, LiveCalls, LiveQuery
+from fluentboard_client.live_calls import LiveAwaiting, LiveCalls
 from fluentboard_client.query_calls import QueryCalls
 from fluentboard_client.streams import stream_async
 from fluentboard_client.subscriptions import AsyncDurableSubscriptions
@@ -83,28 +83,15 @@ class AsyncClient(FluentCalls, QueryCalls, LiveCalls, LiveAwaiting):
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.aclose()
 
     def live_result(self, query: LiveQuery) -> AsyncSubscription:
         """See `LiveCalls.subscribe`."""
-        from fluentboard_client.live import AsyncSubscription
+        from fluentboard_client.live import AsyncSubscription, Line
 
-        return AsyncSubscription(
-            self.board,
-            query.sparql,
-            mode=query.mode,
-            since=query.since,
-            headers=self._headers,
-            timeout_s=self._timeout_s,
-            retries=self._retries,
-            options=query.options,
-        )
+        line = Line(self.board, self._headers, self._timeout_s, self._retries)
+        return AsyncSubscription(line, query)
 
     async def send(self, request: Request) -> httpx.Response:
         """The reply to a request; raises the error that it stands for."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import httpx
 
 from fluentboard_client import exchange
+from fluentboard_client.conversation import LiveQuery
 from fluentboard_client.exchange import Request
 from fluentboard_client.fluent_calls import FluentCalls
-from fluentboard_client.live_calls import LiveBlocking, LiveCalls, LiveQuery
+from fluentboard_client.live_calls import LiveBlocking, LiveCalls
 from fluentboard_client.query_calls import QueryCalls
 from fluentboard_client.subscriptions import DurableSubscriptions
 
@@ -82,28 +82,15 @@ class Client(FluentCalls, QueryCalls, LiveCalls, LiveBlocking):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def live_result(self, query: LiveQuery) -> Subscription:
         """See `LiveCalls.subscribe`."""
-        from fluentboard_client.live import Subscription
+        from fluentboard_client.live import Line, Subscription
 
-        return Subscription(
-            self.board,
-            query.sparql,
-            mode=query.mode,
-            since=query.since,
-            headers=self._headers,
-            timeout_s=self._timeout_s,
-            retries=self._retries,
-            options=query.options,
-        )
+        line = Line(self.board, self._headers, self._timeout_s, self._retries)
+        return Subscription(line, query)
 
     def send(self, request: Request) -> httpx.Response:
         """The reply to a request; raises the error that it stands for."""

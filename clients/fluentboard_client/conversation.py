@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, cast
 from urllib.parse import urlsplit, urlunsplit
 
@@ -101,27 +101,37 @@ class Lagged:
 Event = Snapshot | Delta | Gap | Lagged
 
 
+@dataclass(frozen=True, slots=True)
+class LiveQuery:
+    """A subscription that is asked for.
+
+    Attributes:
+        sparql: the query; empty for a durable subscription.
+        mode: what its deltas carry.
+        since: the commit to go on after; None to start with a snapshot.
+        options: what the board is told besides.
+    """
+
+    sparql: str
+    mode: Mode
+    since: int | None
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
 class Conversation:
     """One subscription across as many connections as it takes."""
 
-    def __init__(
-        self,
-        query: str,
-        mode: Mode,
-        since: int | None,
-        address: str,
-        options: Mapping[str, Any] | None = None,
-    ) -> None:
-        if mode not in _MODES:
-            raise InvalidInput(f"mode is {mode!r}; give one of {', '.join(_MODES)}")
-        self._query = query
-        self._mode = mode
+    def __init__(self, query: LiveQuery, address: str) -> None:
+        if query.mode not in _MODES:
+            raise InvalidInput(f"mode is {query.mode!r}; give one of {', '.join(_MODES)}")
+        self._query = query.sparql
+        self._mode = query.mode
         self._address = address
-        self._options = dict(options or {})
+        self._options = dict(query.options)
         self._variables: Sequence[str] = ()
         self.at_s: float | None = self._options.pop("since_at", None)
         """Of a subscription at now: the last time heard of, in seconds."""
-        self.commit = since
+        self.commit = query.since
         """The last commit heard of; None before the first message."""
 
     def opening(self) -> str:

@@ -6,7 +6,6 @@ What is in a message is the business of `fluentboard.model.frame_message`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
 
@@ -107,12 +106,7 @@ class FrameClient:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _exchange(self, method: str, path: str | None = None, **options: Any) -> httpx.Response:

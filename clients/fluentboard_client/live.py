@@ -8,11 +8,17 @@ import math
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping
-from types import TracebackType
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self, cast
 
 from fluentboard.errors import FluentboardError
-from fluentboard_client.conversation import Conversation, Event, Mode, live_address, refusal
+from fluentboard_client.conversation import (
+    Conversation,
+    Event,
+    LiveQuery,
+    live_address,
+    refusal,
+)
 from fluentboard_client.exchange import backoff_s, is_loopback, unreachable
 
 if TYPE_CHECKING:
@@ -63,48 +69,44 @@ class _Reconnection:
         return delay_s
 
 
-def _connection_options(address: str, headers: Mapping[str, str], timeout_s: float) -> Any:
+def _connection_options(line: Line) -> Any:
     options: dict[str, Any] = {
-        "additional_headers": dict(headers),
-        "open_timeout": timeout_s,
+        "additional_headers": dict(line.headers),
+        "open_timeout": line.timeout_s,
         "close_timeout": _CLOSE_TIMEOUT_S,
         "max_size": _LARGEST_MESSAGE_BYTES,
         "compression": None,  # costs more time than it saves between processes of one robot
     }
-    if is_loopback(address):
+    if is_loopback(line.address):
         options["proxy"] = None
     return options
 
 
-class Subscription(Iterator[Event]):
-    """The live result of a query as a blocking iterator; it ends when it is closed.
+@dataclass(frozen=True, slots=True)
+class Line:
+    """How to reach a board.
 
-    `close` may be called from another thread. As a context manager it closes itself.
-
-    Raises (from the iteration):
-        BoardUnreachable: the first connection failed, several times.
-        InvalidQuery: or whatever else the board answers to the query.
+    Attributes:
+        address: of the board.
+        headers: that every request carries.
+        timeout_s: how long to wait for a connection.
+        retries: how often the first connection is tried again.
     """
 
-    def __init__(
-        self,
-        address: str,
-        query: str,
-        *,
-        mode: Mode = "bindings",
-        since: int | None = None,
-        headers: Mapping[str, str] | None = None,
-        timeout_s: float = 10.0,
-        retries: int = 3,
-        options: Mapping[str, Any] | None = None,
-    ) -> None:
-        self._conversation = Conversation(query, mode, since, address, options)
-        self._reconnection = _Reconnection(address, retries)
-        self._address = address
-        self._options = _connection_options(address, headers or {}, timeout_s)
-        self._connection: ClientConnection | None = None
-        self._lock = threading.Lock()  # guards _connection against a close in mid-connect
-        self._closed = threading.Event()
+    address: str
+    headers: Mapping[str, str]
+    timeout_s: float
+    retries: int
+
+
+class _Listener:
+    """What both iterators know of their subscription."""
+
+    def __init__(self, line: Line, query: LiveQuery) -> None:
+        self._conversation = Conversation(query, line.address)
+        self._reconnection = _Reconnection(line.address, line.retries)
+        self._address = line.address
+        self._options = _connection_options(line)
 
     @property
     def commit(self) -> int | None:
@@ -115,6 +117,23 @@ class Subscription(Iterator[Event]):
     def at_s(self) -> float | None:
         """Of a subscription at now: the last time heard of, to pass as `since_at`."""
         return self._conversation.at_s
+
+
+class Subscription(_Listener, Iterator[Event]):
+    """The live result of a query as a blocking iterator; it ends when it is closed.
+
+    `close` may be called from another thread. As a context manager it closes itself.
+
+    Raises (from the iteration):
+        BoardUnreachable: the first connection failed, several times.
+        InvalidQuery: or whatever else the board answers to the query.
+    """
+
+    def __init__(self, line: Line, query: LiveQuery) -> None:
+        super().__init__(line, query)
+        self._connection: ClientConnection | None = None
+        self._lock = threading.Lock()  # guards _connection against a close in mid-connect
+        self._closed = threading.Event()
 
     def __iter__(self) -> Self:
         return self
@@ -202,12 +221,7 @@ class Subscription(Iterator[Event]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -215,7 +229,7 @@ class _NoMessage(Exception):
     """Keeps a wait that timed out apart from a connection that did: both raise TimeoutError."""
 
 
-class AsyncSubscription(AsyncIterator[Event]):
+class AsyncSubscription(_Listener, AsyncIterator[Event]):
     """The live result of a query as an asynchronous iterator; it ends when it is closed.
 
     Raises (from the iteration):
@@ -223,34 +237,10 @@ class AsyncSubscription(AsyncIterator[Event]):
         InvalidQuery: or whatever else the board answers to the query.
     """
 
-    def __init__(
-        self,
-        address: str,
-        query: str,
-        *,
-        mode: Mode = "bindings",
-        since: int | None = None,
-        headers: Mapping[str, str] | None = None,
-        timeout_s: float = 10.0,
-        retries: int = 3,
-        options: Mapping[str, Any] | None = None,
-    ) -> None:
-        self._conversation = Conversation(query, mode, since, address, options)
-        self._reconnection = _Reconnection(address, retries)
-        self._address = address
-        self._options = _connection_options(address, headers or {}, timeout_s)
+    def __init__(self, line: Line, query: LiveQuery) -> None:
+        super().__init__(line, query)
         self._connection: AsyncConnection | None = None
         self._closed = asyncio.Event()
-
-    @property
-    def commit(self) -> int | None:
-        """The last commit heard of: what to pass as `since` to go on from here later."""
-        return self._conversation.commit
-
-    @property
-    def at_s(self) -> float | None:
-        """Of a subscription at now: the last time heard of, to pass as `since_at`."""
-        return self._conversation.at_s
 
     def __aiter__(self) -> Self:
         return self
@@ -302,10 +292,5 @@ class AsyncSubscription(AsyncIterator[Event]):
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await self.aclose()

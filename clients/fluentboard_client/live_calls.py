@@ -3,36 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, overload
 
 from fluentboard.errors import InvalidInput
 from fluentboard_client.calls import Awaiting, Blocking, Method
+from fluentboard_client.conversation import LiveQuery, Mode
 
 if TYPE_CHECKING:
-    from fluentboard_client.conversation import Mode
     from fluentboard_client.live import AsyncSubscription, Subscription
 
 _P = ParamSpec("_P")
-
-
-@dataclass(frozen=True, slots=True)
-class LiveQuery:
-    """A subscription that is asked for.
-
-    Attributes:
-        sparql: the query; empty for a durable subscription.
-        mode: what its deltas carry.
-        since: the commit to go on after; None to start with a snapshot.
-        options: what the board is told besides.
-    """
-
-    sparql: str
-    mode: Mode
-    since: int | None
-    options: Mapping[str, Any]
 
 
 class LiveBlocking(Blocking):

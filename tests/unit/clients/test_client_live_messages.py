@@ -11,7 +11,7 @@ from fluentboard.errors import InvalidInput, InvalidQuery
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.json_format import fluent_to_json
 from fluentboard_client import Delta, Gap, Iri, Lagged, Snapshot
-from fluentboard_client.conversation import Conversation, Mode, live_address
+from fluentboard_client.conversation import Conversation, LiveQuery, Mode, live_address
 
 TABLE = {"t": {"type": "uri", "value": "https://example.org/fluent/table1"}}
 SNAPSHOT = {
@@ -24,7 +24,7 @@ SNAPSHOT = {
 
 
 def talk(since: int | None = None, mode: Mode = "bindings") -> Conversation:
-    return Conversation("SELECT ?t {}", mode, since, "http://board")
+    return Conversation(LiveQuery("SELECT ?t {}", mode, since), "http://board")
 
 
 def hear(conversation: Conversation, message: dict[str, Any]) -> Any:
@@ -111,7 +111,7 @@ def test_live_address_follows_the_board_address(board: str, live: str) -> None:
 
 
 def test_subscription_at_now_resumes_with_commit_and_time() -> None:
-    talk = Conversation("SELECT ?t {}", "bindings", None, "http://board", {"at": "now"})
+    talk = Conversation(LiveQuery("SELECT ?t {}", "bindings", None, {"at": "now"}), "http://board")
     assert json.loads(talk.opening())["subscribe"]["at"] == "now"
     result: dict[str, Any] = {"head": {"vars": []}, "results": {"bindings": []}}
     message = {"type": "snapshot", "id": "1", "sequence": 0, "commit": 4, "at": 9.5}
@@ -125,12 +125,12 @@ def test_subscription_at_now_resumes_with_commit_and_time() -> None:
 
 def test_replay_that_broke_off_goes_on_live() -> None:
     options = {"replay": {"commit": 1, "speed": 2.0}}
-    talk = Conversation("SELECT ?t {}", "bindings", None, "http://board", options)
+    talk = Conversation(LiveQuery("SELECT ?t {}", "bindings", None, options), "http://board")
     assert json.loads(talk.opening())["subscribe"]["replay"] == options["replay"]
     talk.commit = 7
     assert "replay" not in json.loads(talk.opening())["subscribe"]
 
 
 def test_durable_subscription_is_asked_for_by_name() -> None:
-    talk = Conversation("", "bindings", None, "http://board", {"durable": "mugs"})
+    talk = Conversation(LiveQuery("", "bindings", None, {"durable": "mugs"}), "http://board")
     assert json.loads(talk.opening()) == {"subscribe": {"id": "1", "durable": "mugs"}}
