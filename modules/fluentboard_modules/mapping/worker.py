@@ -169,7 +169,9 @@ class MappingModule:
 
     def draw(self, directory: Path) -> Sequence[Path]:
         """The planes and furniture from above."""
-        from fluentboard_modules.mapping.pictures import draw_overlay, draw_plan, save_picture
+        from fluentboard_modules.mapping.picture_overlay import draw_overlay
+        from fluentboard_modules.mapping.picture_plan import draw_plan
+        from fluentboard_modules.mapping.picture_style import save_picture
 
         _, planes, classification = self._map.classified_planes(explain=False)
         labels, furniture = classification.labels, self.furniture

@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from fluentboard.model.geometry import BoundingBox, Pose, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane
-from fluentboard_modules.mapping.pictures import draw_overlay, draw_plan, save_picture
+from fluentboard_modules.mapping.picture_overlay import draw_overlay
+from fluentboard_modules.mapping.picture_plan import draw_plan
+from fluentboard_modules.mapping.picture_style import save_picture
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 
 MakePlane = Callable[..., PlanarRegion]
