@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidGeometry
 from fluentboard.model.geometry import FloatArray
-from fluentboard_modules.search import look_kernels as kernels
+from fluentboard_modules.search import cloud_kernels, look_kernels
 
 _CELLS_MAX = 1 << 30  # a gigabyte of marks; at 5 cm that is 164 m x 164 m x 5 m
 _KEPT_MAX = 1 << 24
@@ -30,10 +30,20 @@ class LookMarks:
         self._ends = np.zeros((0, 3), np.float32)
         self._is_hit = np.zeros(0, np.bool_)
         self._order = np.zeros(0, np.int32)
-        self._places = np.zeros(0, np.int32)
         self._room = np.zeros(0, np.int32)
-        self._walk = np.zeros(kernels.WALK_COLUMNS * kernels.LANES)
-        self._steps = np.zeros(kernels.STEP_COLUMNS * kernels.LANES, np.int32)
+        self._table = np.zeros(1 << cloud_kernels.TABLE_BITS, np.int64)
+        self._chunk = (
+            np.zeros(3 * cloud_kernels.CHUNK, np.int32),
+            np.zeros(cloud_kernels.CHUNK, np.int64),
+            np.zeros(cloud_kernels.CHUNK, np.int32),
+        )
+        lanes = look_kernels.LANES
+        self._lanes = (
+            np.zeros(look_kernels.AIM_COLUMNS * lanes, np.float32),
+            np.zeros(look_kernels.WALK_COLUMNS * lanes),
+            np.zeros(look_kernels.STEP_COLUMNS * lanes, np.int32),
+            np.zeros(look_kernels.STEPS * lanes, np.int32),
+        )
         self.marks: NDArray[np.uint8] = np.zeros(0, np.uint8)
         """Flat; of the cells of a box, z running fastest; zeros beyond."""
 
@@ -60,12 +70,13 @@ class LookMarks:
             self._order = np.zeros(len(points), np.int32)
         cells = self._cells[: len(points)]
         own = np.floor(origin / self._resolution)
-        if np.abs(own).max() >= kernels.CELL_MAX:
+        if np.abs(own).max() >= cloud_kernels.CELL_MAX:
             raise InvalidGeometry(f"a sensor at {origin} m; its position is absurdly far away")
         box = np.array([own, own], np.int64)
-        kernels.find_cells(points.reshape(-1), self._resolution, cells.reshape(-1))
-        count = kernels.drop_repeats(cells, box)
-        if count and np.abs(box).max() >= kernels.CELL_MAX:
+        count = cloud_kernels.distinct_cells(
+            points.reshape(-1), self._resolution, *self._chunk, self._table, cells, box
+        )
+        if count and np.abs(box).max() >= cloud_kernels.CELL_MAX:
             raise InvalidGeometry(
                 f"a point lies at {np.abs(points[np.isfinite(points)]).max():.3g} m; remove such "
                 "points"
@@ -79,15 +90,15 @@ class LookMarks:
         low = (box[0].astype(np.int64) - 1) >> 3 << 3
         shape = ((box[1].astype(np.int64) + 1) >> 3 << 3) + 8 - low
         self._make_room(shape)
-        ends = kernels.mark_ends(
+        ends = cloud_kernels.mark_ends(
             cells, count, origin, range_max_m, self._resolution, low, shape, self.marks,
             self._ends, self._is_hit,
         )  # fmt: skip
-        kernels.mark_rays(
-            cells, self._ends, ends, origin, self._resolution, low, shape, self.marks, self._walk,
-            self._steps, self._places, self._room, self._order,
+        look_kernels.mark_rays(
+            cells, self._ends, ends, origin, self._resolution, low, shape, self.marks, *self._lanes,
+            self._room, self._order,
         )  # fmt: skip
-        kernels.mark_hits(cells, ends, self._is_hit, low, shape, self.marks)
+        look_kernels.mark_hits(cells, ends, self._is_hit, low, shape, self.marks)
         return low, shape
 
     def _make_room(self, shape: NDArray[np.int64]) -> None:
@@ -102,5 +113,4 @@ class LookMarks:
             self.marks = np.zeros(int(size), np.uint8)
         steps = int(shape.sum())
         if len(self._room) < steps:
-            self._places = np.zeros(kernels.LANES * steps, np.int32)
             self._room = np.zeros(steps, np.int32)

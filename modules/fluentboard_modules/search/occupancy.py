@@ -26,7 +26,7 @@ CellArray = NDArray[np.int64]
 UNKNOWN, FREE, OCCUPIED = -1, 0, 1
 
 _BLOCK = 512
-_FIRST_BLOCKS = 256
+_FIRST_BLOCKS = 2048  # four megabytes, of which only those used are touched
 _DIRECTORY_MAX = 1 << 27  # half a gigabyte; at 5 cm that is 2.9 km x 2.9 km x 1 m
 
 
@@ -190,7 +190,7 @@ class OccupancyMap:
             while True:
                 done = look_kernels.apply_marks(
                     self._look.marks, low, shape, done, self._directory, self._low, self._blocks,
-                    self._log_odds, counts, *self.model.log_odds_updates,
+                    self._log_odds, counts, *np.array(self.model.log_odds_updates, np.float32),
                 )  # fmt: skip
                 self._count = int(counts[0])
                 if done == blocks:
