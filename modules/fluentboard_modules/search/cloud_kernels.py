@@ -55,8 +55,8 @@ def distinct_cells(
         points = min(CHUNK, count - first)
         _find_cells(values[3 * first : 3 * (first + points)], per_metre, places)
         is_far = _find_keys(places, points, keys)
-        # No branch: a number is always written, and kept by counting it. Most neighbours in an image
-        # share a cell; then the table need not be asked.
+        # No branch: a number is always written, and kept by counting it. Most neighbours in an
+        # image share a cell; then the table need not be asked.
         changes, last = 0, np.int64(_NO_KEY)
         for n in range(points):
             fresh[changes] = n

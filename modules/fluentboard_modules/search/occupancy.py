@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from fluentboard.errors import InvalidGeometry, InvalidInput
 from fluentboard.model.geometry import BoundingBox, FloatArray
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.search import look_kernels
+from fluentboard_modules.search import cast_kernels, look_kernels
 from fluentboard_modules.search import occupancy_kernels as kernels
 from fluentboard_modules.search.config import SensorModelConfig
 from fluentboard_modules.search.looks import LookMarks
@@ -47,6 +47,21 @@ class RayHits:
     length_m: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class RayStops:
+    """What rays stop at, in a form that is quick to ask.
+
+    Attributes:
+        cells: `(blocks, 8)`; a bit for each cell; see `cast_kernels.find_stops`.
+        meetings: `(nx, ny, nz)`; which blocks have a bit that is set; see `find_meetings` there.
+        outside: what a ray meets beyond them.
+    """
+
+    cells: NDArray[np.uint64]
+    meetings: NDArray[np.int32]
+    outside: int
+
+
 @dataclass(eq=False)
 class OccupancyMap:
     """A map of free, occupied and unknown cells in the map frame.
@@ -73,7 +88,7 @@ class OccupancyMap:
         self._blocks = np.zeros((_FIRST_BLOCKS, 3), np.int64)
         self._log_odds = np.zeros((_FIRST_BLOCKS, _BLOCK), np.float32)
         self._look = LookMarks(self.resolution_m)
-        self._summary: NDArray[np.uint8] | None = None
+        self._stops: dict[bool, RayStops] = {}
 
     # -- arrays for the compiled loops of this package ------------------------------------------
 
@@ -97,13 +112,16 @@ class OccupancyMap:
         """`(blocks, 3)`; cell coordinates of each block's first cell, divided by 8."""
         return self._blocks[: self._count]
 
-    @property
-    def summary(self) -> NDArray[np.uint8]:
-        """`(blocks,)`; bit 1 if a cell of the block is occupied, bit 2 if one is unknown."""
-        if self._summary is None:
-            self._summary = np.zeros(self._count, np.uint8)
-            kernels.summarise(self.log_odds, self._summary)
-        return self._summary
+    def ray_stops(self, ignore_unknown: bool = True) -> RayStops:
+        """Where rays stop; found anew after a change."""
+        if ignore_unknown not in self._stops:
+            stops = np.zeros((self._count, 8), np.uint64)
+            cast_kernels.find_stops(self.log_odds, not ignore_unknown, stops)
+            outside = cast_kernels.NOTHING if ignore_unknown else cast_kernels.ANYTHING
+            meetings = np.zeros_like(self._directory)
+            cast_kernels.find_meetings(self._directory, stops, outside, meetings)
+            self._stops[ignore_unknown] = RayStops(stops, meetings, outside)
+        return self._stops[ignore_unknown]
 
     # -- what is where --------------------------------------------------------------------------
 
@@ -199,7 +217,7 @@ class OccupancyMap:
         except InvalidGeometry:
             self._look = LookMarks(self.resolution_m)  # its marks were not cleared
             raise
-        self._summary = None
+        self._stops.clear()
         return int(counts[1])
 
     def integrate_frame(self, frame: SensorFrame, range_max_m: float = 0.0) -> int:
@@ -217,7 +235,7 @@ class OccupancyMap:
         if not len(wanted):
             return
         self._reach(np.array([wanted.min(axis=0), wanted.max(axis=0)]))
-        self._summary = None
+        self._stops.clear()
         new = len(np.unique(_packed(wanted >> 3)))
         self._make_room(self._count + new)
         values = np.broadcast_to(np.asarray(log_odds, np.float32), (len(wanted),)).copy()
@@ -276,7 +294,7 @@ class OccupancyMap:
         """
         if elapsed_s <= 0.0:
             return 0
-        self._summary = None
+        self._stops.clear()
         values = self.log_odds
         values *= np.float32(0.5 ** (elapsed_s / half_life_s))
         faded = np.abs(values) < math.log(
@@ -301,6 +319,9 @@ class OccupancyMap:
             directions_map: `(n, 3)`; of any length but zero.
             range_max_m: how far a ray goes.
             ignore_unknown: whether unknown cells are transparent; otherwise a ray stops there.
+
+        Raises:
+            InvalidGeometry: an origin or the range is not finite, or a direction is zero.
         """
         directions = np.ascontiguousarray(directions_map, dtype=np.float64).reshape(-1, 3)
         origins = np.ascontiguousarray(origins_map, dtype=np.float64).reshape(-1, 3)
@@ -309,15 +330,20 @@ class OccupancyMap:
         cells = np.zeros((len(directions), 3), np.int64)
         lengths = np.zeros(len(directions))
         outcome = np.zeros(len(directions), np.int8)
-        wrong = -1 if np.isfinite(origins).all() else 0
-        if wrong < 0:
-            wrong = kernels.cast(
-                origins, directions, float(range_max_m), ignore_unknown, self.resolution_m,
-                self._directory, self._low, self._log_odds, self.summary, cells, lengths, outcome,
+        wrong = 0
+        if np.isfinite(origins).all() and math.isfinite(range_max_m):
+            stops = self.ray_stops(ignore_unknown)
+            wrong = cast_kernels.cast(
+                origins, directions, float(range_max_m), self.resolution_m, stops.meetings,
+                self._low, stops.outside, stops.cells, self._log_odds, cells, lengths, outcome,
             )  # fmt: skip
         if wrong >= 0:
-            raise InvalidGeometry("a ray needs a finite origin and a direction that is not zero")
-        return RayHits(outcome == kernels.HIT, outcome == kernels.UNKNOWN_MET, cells, lengths)
+            raise InvalidGeometry(
+                "a ray needs a finite origin and range, and a direction that is not zero"
+            )
+        return RayHits(
+            outcome == cast_kernels.HIT, outcome == cast_kernels.UNKNOWN_MET, cells, lengths
+        )
 
     # -- room -----------------------------------------------------------------------------------
 

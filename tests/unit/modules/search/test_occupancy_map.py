@@ -91,6 +91,25 @@ def test_far_points_free_the_way_to_the_range_only() -> None:
     assert ours.states(ours.cells_of([[2.25, 0.05, 0.05]])) == UNKNOWN
 
 
+def test_points_of_another_country_free_the_way_to_the_range_too() -> None:
+    near, far = OccupancyMap(0.05), OccupancyMap(0.05)
+    directions = np.array([[0.3, 0.4, 0.1], [-0.5, 0.2, 0.3]])
+    near.integrate(10.0 * directions, [0.0, 0.0, 0.0], range_max_m=2.0)
+    far.integrate(1e6 * directions, [0.0, 0.0, 0.0], range_max_m=2.0)
+    assert far.known_count == pytest.approx(near.known_count, abs=2)
+    assert far.known_count > 60
+    with pytest.raises(InvalidGeometry, match="limit"):
+        far.integrate(1e6 * directions, [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_rays_without_an_end_are_refused(wrong: float) -> None:
+    with pytest.raises(InvalidGeometry, match="range"):
+        OccupancyMap(0.05).cast_rays([0.0, 0.0, 0.0], [[1.0, 0.0, 0.0]], wrong)
+    with pytest.raises(InvalidGeometry, match="zero"):
+        OccupancyMap(0.05).cast_rays([0.0, 0.0, 0.0], [[0.0, 0.0, 0.0]], 1.0)
+
+
 def test_points_without_depth_change_nothing() -> None:
     ours = OccupancyMap(0.1)
     assert ours.integrate([[math.nan, 0.0, 1.0], [math.inf, 0.0, 0.0]], [0.0, 0.0, 0.0]) == 0
