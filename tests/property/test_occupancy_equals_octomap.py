@@ -81,8 +81,9 @@ def crossed(origin: FloatArray, direction: FloatArray, reach_m: float) -> CellAr
     at = [0.0, reach_m]
     for axis in np.flatnonzero(unit):
         ends = sorted([origin[axis], origin[axis] + reach_m * unit[axis]])
-        borders = 0.05 * np.arange(math.floor(ends[0] / 0.05), math.ceil(ends[1] / 0.05) + 1)
-        at += [float(t) for t in (borders - origin[axis]) / unit[axis] if 0.0 < t < reach_m]
+        borders = range(math.floor(ends[0] / 0.05), math.ceil(ends[1] / 0.05) + 1)
+        along = [float((0.05 * border - origin[axis]) / unit[axis]) for border in borders]
+        at += [length for length in along if 0.0 < length < reach_m]
     lengths = np.sort(at)
     middle = 0.5 * (lengths[1:] + lengths[:-1])[np.diff(lengths) > 1e-9]
     return np.floor((origin + middle[:, None] * unit) / 0.05).astype(np.int64)
@@ -142,8 +143,8 @@ def test_what_rays_stop_at_is_up_to_date_after_every_change(seed: int, changes: 
             stops = occupancy.ray_stops(ignore_unknown)
             expected = bits(occupancy.log_odds, not ignore_unknown)
             np.testing.assert_array_equal(stops.cells, expected)
-            is_met = expected.any(axis=1)
             has_block = occupancy.directory >= 0
-            met = np.where(is_met[occupancy.directory], occupancy.directory, -1)
-            np.testing.assert_array_equal(stops.meetings[has_block], met[has_block])
+            blocks = occupancy.directory[has_block]
+            met = np.where(np.any(expected, axis=1)[blocks], blocks, -1)
+            np.testing.assert_array_equal(stops.meetings[has_block], met)
             assert (stops.meetings[~has_block] == (-1 if ignore_unknown else -2)).all()
