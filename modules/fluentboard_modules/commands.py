@@ -179,8 +179,9 @@ def work_anchoring(
         str | None,
         typer.Option(
             metavar="FILE",
-            help="A trained recogniser; spin-images: the built-in one for tableware; detections: "
-            "what an external detector posts to the board. Default: geometric, by size and shape.",
+            help="A trained recogniser; spin-images: the built-in one for tableware; household: "
+            "for what else stands about, too; detections: what an external detector posts to the "
+            "board. Default: geometric, by size and shape.",
         ),
     ] = None,
     context: Annotated[

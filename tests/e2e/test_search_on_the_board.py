@@ -18,12 +18,13 @@ from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
 from fluentboard_modules.geometry_fluents import pose_fluent
+from fluentboard_modules.search.board_memory import BoardMemory
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
 from fluentboard_modules.search.occupancy import OccupancyMap
 from fluentboard_modules.search.octomap_files import read_octomap, write_octomap
 from fluentboard_modules.search.record import SearchRecord
 from fluentboard_modules.search.region import SearchVolume
-from fluentboard_modules.search.request import request_fluents
+from fluentboard_modules.search.request import read_request, request_fluents
 from fluentboard_modules.search.worker import SearchWorker
 from fluentboard_modules.search.worlds import open_world
 from fluentboard_modules.simulation.robots import PR2, View
@@ -271,6 +272,35 @@ def test_a_search_waits_for_who_recognises_what_it_has_seen(service: ServiceProc
         assert worker.records[-1].outcome == "found"
         assert worker.records[-1].steps == []  # it had seen enough from where it stood
         assert list(board.fluent("search_spoon").values("hasFoundObject")) == ["spoon1"]
+
+
+def test_what_is_hardly_recognised_ends_no_search_that_wants_to_be_sure(
+    service: ServiceProcess,
+) -> None:
+    since = Interval.at(3.0)
+    pose = pose_fluent("poseVase7", Pose(1.0, 2.0, 0.8), since)
+    vase = Fluent("vase7", "Jug", since, UNKNOWN, (Property("hasPose", "Pose", pose.name),))
+    with Client(service.address, author="anchoring") as board:
+        board.assert_fluents([pose, vase])
+        for number, (confidence, is_found) in enumerate([(0.4, False), (0.8, True)]):
+            evidence = (
+                Property("isEvidenceFor", "Jug", "vase7"),
+                Property("hasConfidence", "xsd:double", confidence),
+            )
+            board.assert_fluents(
+                Fluent(f"classEvidence{number}", "ClassEvidence", since, UNKNOWN, evidence)
+            )
+            asked = request_fluents(
+                f"search_sure{number}",
+                target_class="Jug",
+                settings={"hasMinimumConfidence": 0.6},
+                start=Interval.at(4.0),
+            )
+            board.assert_fluents(asked)
+            memory = BoardMemory(board, "pr8", lambda: False)
+            request = read_request(asked[-1], {}, QUICK)
+            assert (memory.found(request) is not None) is is_found
+            board.end(f"search_sure{number}", 5.0)
 
 
 def test_the_context_of_anchoring_sets_the_probabilities(service: ServiceProcess) -> None:

@@ -62,6 +62,13 @@ def train_recogniser(
             help="CAD files, a folder per class: Mug/blue.stl. Default: simulated tableware.",
         ),
     ] = None,
+    household: Annotated[
+        bool,
+        typer.Option(
+            "--household",
+            help="Without files: also what else stands about in a house, seen from farther away.",
+        ),
+    ] = False,
     clusters: Annotated[
         Path | None,
         typer.Option(
@@ -88,9 +95,15 @@ def train_recogniser(
     if clusters is not None:
         found, labels = examples.stored_clusters(clusters)
     else:
-        chosen = examples.models_in_folder(models) if models else examples.tableware_models(seed)
+        config = examples.ViewingConfig(views=views)
+        if models is not None:
+            chosen = examples.models_in_folder(models)
+        elif household:
+            chosen = examples.household_models(seed)
+            config = examples.ViewingConfig(views=views, distance_m=(0.8, 2.1))
+        else:
+            chosen = examples.tableware_models(seed)
         with FrameProgress() as progress:
-            config = examples.ViewingConfig(views=views)
             progress.begin("models", examples.frame_count(chosen, config))
             found, labels = examples.seen_models(chosen, config, seed, progress.advance)
     trained = run(found, labels)

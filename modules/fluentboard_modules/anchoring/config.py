@@ -327,8 +327,8 @@ class DetectionsConfig(Settings):
 
     fallback: str = Field(
         default="geometric",
-        description="Recogniser of clusters that no detection fits: `geometric`, `spin-images` or "
-        "a file.",
+        description="Recogniser of clusters that no detection fits: `geometric`, `spin-images`, "
+        "`household` or a file.",
     )
     classes: tuple[str, ...] = Field(
         default=(), description="Classes of the detector that the fallback does not know."
@@ -362,8 +362,9 @@ class RecognitionConfig(Settings):
 
     recogniser: str = Field(
         default="geometric",
-        description="`geometric`, `spin-images`, `detections` of an external detector, or the file "
-        "of a trained recogniser.",
+        description="`geometric`, `spin-images` (tableware), `household` (the same for what "
+        "else stands about: bottles, books, boxes, pepper mills), `detections` of an external "
+        "detector, or the file of a trained recogniser.",
     )
     context: str | None = Field(
         default=None, description="`tableware`, or the file of a trained context model."

@@ -17,7 +17,7 @@ from fluentboard_modules.anchoring.segmentation import segment
 from fluentboard_modules.anchoring.supports import find_tops
 from fluentboard_modules.frames.clouds import READERS
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.simulation import furniture
+from fluentboard_modules.simulation import belongings, furniture, tableware
 from fluentboard_modules.simulation.cad import CAD_SUFFIXES, load_mesh, standing
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.scene import Instance, Model, Scene
@@ -73,6 +73,36 @@ def tableware_models(seed: int = 77, services: int = 4) -> dict[str, list[Model]
     """Simulated tableware of so many services, by class: what the built-in recogniser knows."""
     made = [random_service(np.random.default_rng([seed, k])) for k in range(services)]
     return {cls: [service.model(cls) for service in made] for cls in sorted(TABLEWARE_CLASSES)}
+
+
+def household_models(seed: int = 77, services: int = 4) -> dict[str, list[Model]]:
+    """Tableware and what else stands about in a house, by class."""
+    rng = np.random.default_rng([seed, services])
+
+    def between(low: float, high: float) -> float:
+        return round(float(rng.uniform(low, high)), 3)
+
+    more = {
+        "PepperMill": [tableware.pepper_mill(between(0.18, 0.26)) for _ in range(services)],
+        "Bottle": [belongings.bottle(between(0.24, 0.31)) for _ in range(services)],
+        "Box": [
+            belongings.carton(between(0.08, 0.16), between(0.10, 0.24), between(0.12, 0.28))
+            for _ in range(2 * services)
+        ],
+        "Book": [
+            *belongings.book_catalogue(rng, services),
+            *(_lying(book) for book in belongings.book_catalogue(rng, services)),
+        ],
+        "Bowl": [tableware.bowl(between(0.13, 0.2), between(0.05, 0.08)) for _ in range(services)],
+        "Laptop": [belongings.laptop(between(0.28, 0.38)) for _ in range(services)],
+        "Candle": [belongings.candle(between(0.07, 0.13)) for _ in range(services)],
+    }
+    return tableware_models(seed, services) | more
+
+
+def _lying(book: Model) -> Model:
+    depth, thickness, height = book.mesh.size.tolist()
+    return belongings.book(thickness, height, depth, book.colour)
 
 
 def stored_clusters(folder: Path) -> tuple[list[Cluster], list[str]]:

@@ -17,6 +17,8 @@ from fluentboard_modules.anchoring.recogniser_detections import (
 )
 from fluentboard_modules.anchoring.recogniser_spin_images import load_recogniser
 
+_TRAINED = {"spin-images": "table_recogniser.npz", "household": "household_recogniser.npz"}
+
 
 def recogniser_of(
     config: RecognitionConfig, detections: DetectionSource | None = None
@@ -39,19 +41,19 @@ def recogniser_of(
         if config.detections.fallback == "detections":
             raise InvalidInput(
                 "recognition.detections.fallback = 'detections' rates nothing that no detection "
-                "fits; give geometric, spin-images, or the file of a trained recogniser"
+                "fits; give geometric, spin-images, household, or the file of a trained recogniser"
             )
         fallback = recogniser_of(RecognitionConfig(recogniser=config.detections.fallback))
         return DetectionRecogniser(detections, fallback, config.detections)
     if config.recogniser == "geometric":
         return GeometricRecogniser()
-    if config.recogniser == "spin-images":
-        return load_recogniser(_built_in("table_recogniser.npz"))
+    if config.recogniser in _TRAINED:
+        return load_recogniser(_built_in(_TRAINED[config.recogniser]))
     path = Path(config.recogniser)
     if not path.exists():
         raise InvalidInput(
             f"no recogniser is called {config.recogniser!r}; give geometric, spin-images, "
-            "detections, or the file of a trained one"
+            "household, detections, or the file of a trained one"
         )
     return load_recogniser(path)
 

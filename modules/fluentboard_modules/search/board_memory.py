@@ -104,7 +104,7 @@ class BoardMemory:
         return {name: probability for name, (_, probability) in found.items()}
 
     def found(self, request: SearchRequest) -> Fluent | None:
-        """The target: an open object with a pose."""
+        """The target: an open object with a pose; by class, one that is told surely enough."""
         if request.target_name:
             try:
                 candidates: Iterable[Fluent] = [self._fluent(request.target_name)]
@@ -114,8 +114,24 @@ class BoardMemory:
             candidates = self._fluents(request.target_class)
         for fluent in candidates:
             if fluent.finish.is_unknown and fluent.values("hasPose"):
-                return fluent
+                least = request.config.confidence_min
+                if request.target_name or not least or self._confidence_in(fluent) >= least:
+                    return fluent
         return None
+
+    def _confidence_in(self, thing: Fluent) -> float:
+        """That it is of its class, by the newest open evidence; 1 if nobody says how he knows."""
+        evidence = self._patiently(
+            lambda: list(
+                self._board.fluents(
+                    "ClassEvidence", is_open=True, property_name="isEvidenceFor", value=thing.name
+                )
+            )
+        )
+        if not evidence:
+            return 1.0
+        newest = max(evidence, key=lambda fluent: fluent.created)
+        return float(newest.values("hasConfidence")[-1])
 
     def place_of(self, thing: Fluent) -> FloatArray:
         """`(3,)`; where an object is, in metres, map frame."""

@@ -173,6 +173,16 @@ def search(
         float | None,
         typer.Option(metavar="M", help="Gaps that cannot hold such a cube need no look."),
     ] = None,
+    detector_range: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Farther things are not recognised. Default: the camera's."),
+    ] = None,
+    confidence: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P", help="An object whose class is less sure does not end the search."
+        ),
+    ] = None,
     afresh: Annotated[
         bool,
         typer.Option("--afresh", help="Forget what is known of the volumes: things have moved."),
@@ -199,6 +209,8 @@ def search(
         "hasProbabilityThreshold": threshold,
         "hasDetectorRecall": recall,
         "hasMinimumObjectSize": object_size,
+        "hasDetectorRange": detector_range,
+        "hasMinimumConfidence": confidence,
     }
     activity = ask_for(
         board,

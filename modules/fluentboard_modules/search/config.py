@@ -117,6 +117,18 @@ class SearchConfig(Settings):
     )
     time_budget_s: float | None = Field(default=None, gt=0.0)
     recall: float = Field(default=1.0, gt=0.0, le=1.0, description="Of the detector, per look.")
+    detector_range_m: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="Farther things are not recognised, so their places count as unseen; null: as "
+        "far as the robot's camera.",
+    )
+    confidence_min: float = Field(
+        default=0.0,
+        ge=0.0,
+        le=1.0,
+        description="An object of the class whose class evidence is weaker does not end a search.",
+    )
     object_size_m: float = Field(
         default=0.0, ge=0.0, description="Unknown gaps that cannot hold such a cube are given up."
     )

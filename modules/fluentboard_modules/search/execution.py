@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from fluentboard.errors import UnreachableView
+from fluentboard.errors import InvalidInput, UnreachableView
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import SearchConfig
@@ -26,7 +26,7 @@ from fluentboard_modules.search.region import Region, exclude_small_gaps
 from fluentboard_modules.search.travel_times import Routes, places_of, seconds_between
 from fluentboard_modules.search.view_sampling import SampledViews, VisibleCells, sample_views
 from fluentboard_modules.simulation.navigation import Costmap
-from fluentboard_modules.simulation.robots import Robot, View
+from fluentboard_modules.simulation.robots import Robot, RobotModel, View
 
 logger = logging.getLogger(__name__)
 
@@ -61,6 +61,9 @@ class ObjectSearch:
         occlusion_is_known: whether the map has all that can stand in the way, so that what a view
             shows only ever shrinks by what has been seen, and no views are drawn after the first.
         clock: measures planning; seconds.
+
+    Raises:
+        InvalidInput: the robot sees nothing within the range of the detector.
     """
 
     def __init__(
@@ -77,6 +80,7 @@ class ObjectSearch:
         clock: Callable[[], float] = time.thread_time,
     ) -> None:
         self._robot = robot
+        self._model = _as_detector(robot.model, config.detector_range_m)
         self._occupancy = occupancy
         self._region = region
         self._costmap = costmap
@@ -114,9 +118,7 @@ class ObjectSearch:
 
     def cells_seen_from(self, T_map_sensor: Transform) -> NDArray[np.int64]:
         """Numbers of the unknown cells that a pose of the sensor would show now."""
-        visible = VisibleCells(
-            self._region, self._occupancy, self._robot.model, self._config.sampling
-        )
+        visible = VisibleCells(self._region, self._occupancy, self._model, self._config.sampling)
         return visible.of_pose(T_map_sensor)
 
     def look_around(self) -> None:
@@ -197,7 +199,7 @@ class ObjectSearch:
 
     def _problem(self) -> tuple[SampledViews, PlanningProblem | None]:
         """The views that show something now, old and new, as a planning problem."""
-        model = self._robot.model
+        model = self._model
         visible = VisibleCells(self._region, self._occupancy, model, self._config.sampling)
         if self._occlusion_is_known and self._cells:
             wanted = self._region.wanted(self._occupancy)
@@ -235,7 +237,7 @@ class ObjectSearch:
         new = sample_views(
             frontiers_of(self._region, self._occupancy),
             visible,
-            self._robot.model,
+            self._model,
             self._costmap,
             self._costmap.path_costs(here.x, here.y),
             config.sampling,
@@ -336,12 +338,12 @@ class ObjectSearch:
         self._last_frame_s = frame.stamp_s
         if self._region.recall < 1.0:
             before = self._region.unknown(self._occupancy)
-            self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
+            self._occupancy.integrate_frame(frame, self._model.range_m[1])
             looked_at = before & ~self._region.unknown(self._occupancy)
             looked_at[self.cells_seen_from(frame.T_map_sensor)] = True
             self._region.looks += looked_at
         else:
-            self._occupancy.integrate_frame(frame, self._robot.model.range_m[1])
+            self._occupancy.integrate_frame(frame, self._model.range_m[1])
         if self.on_frame is not None:
             self.on_frame(frame)
 
@@ -365,3 +367,15 @@ class ObjectSearch:
 
     def _ended(self, outcome: str) -> None:
         self.record.outcome = outcome
+
+
+def _as_detector(model: RobotModel, range_max_m: float | None) -> RobotModel:
+    """The robot as far as it recognises things, which may be nearer than its camera sees."""
+    near, far = model.range_m
+    if range_max_m is None or range_max_m >= far:
+        return model
+    if range_max_m <= near:
+        raise InvalidInput(
+            f"a detector range of {range_max_m} m; {model.name} sees nothing nearer than {near} m"
+        )
+    return model.model_copy(update={"range_m": (near, range_max_m)})

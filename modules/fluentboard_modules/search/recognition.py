@@ -26,7 +26,8 @@ def recognised(frame: SensorFrame, request: SearchRequest, world: SearchWorld) -
     if frame.labels is None:
         return []
     enough = _PIXELS_TO_RECOGNISE * (frame.camera.width / 640.0) ** 2
-    counts = np.bincount(frame.labels[frame.depth_m <= world.robot.model.range_m[1]])
+    range_m = min(world.robot.model.range_m[1], request.config.detector_range_m or np.inf)
+    counts = np.bincount(frame.labels[frame.depth_m <= range_m])
     for label, thing in world.things.items():
         sought = request.target_name == thing.name or request.target_class == thing.cls
         if sought and label < len(counts) and counts[label] >= enough:

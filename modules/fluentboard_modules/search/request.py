@@ -87,6 +87,8 @@ def read_request(
         "threshold": _number(activity, "hasProbabilityThreshold"),
         "recall": _number(activity, "hasDetectorRecall"),
         "object_size_m": _number(activity, "hasMinimumObjectSize"),
+        "detector_range_m": _number(activity, "hasDetectorRange"),
+        "confidence_min": _number(activity, "hasMinimumConfidence"),
     }
     told = {key: value for key, value in settings.items() if value is not None}
     try:

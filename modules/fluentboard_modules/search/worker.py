@@ -218,11 +218,17 @@ class SearchWorker:
             left_s = deadline - time.monotonic()
             if left_s <= 0.0 or self._stop.wait(min(left_s, _IDLE_S)):
                 return None
-            if self._publisher is not None:
-                # A camera that stands still delivers at once what a first look takes seconds for.
-                stamp_s += _STILL_S
-                self._send(replace(self._world.robot.sense(), stamp_s=stamp_s))
+            stamp_s = self._go_on_looking(stamp_s)
         return found
+
+    def _go_on_looking(self, stamp_s: float) -> float:
+        """Sends another frame of where the robot stands, and says the next stamp."""
+        if self._publisher is None:
+            return stamp_s
+        # A camera that stands still delivers at once what a first look takes seconds for.
+        stamp_s += _STILL_S
+        self._send(replace(self._world.robot.sense(), stamp_s=stamp_s))
+        return stamp_s
 
     def _conclude(
         self, told: SearchFluents, search: str, outcome: str, found: Fluent | None = None
@@ -309,6 +315,7 @@ class SearchWorker:
     def _await_beliefs(self, search: str, volumes: Sequence[str]) -> dict[str, float]:
         """What the anchoring module believes about the volumes; what it knows after 10 s."""
         deadline = time.monotonic() + _CONTEXT_WAIT_S
+        stamp_s = self._world.robot.time_s
         while True:
             believed = self._memory.beliefs_on(search)
             if set(volumes) <= believed.keys():
@@ -321,6 +328,8 @@ class SearchWorker:
                     len(volumes),
                 )
                 return believed
+            # Anchoring answers with the next frame it sees.
+            stamp_s = self._go_on_looking(stamp_s)
 
     def _hear_beliefs(self, search: ObjectSearch, request: SearchRequest) -> None:
         if request.source != "context":

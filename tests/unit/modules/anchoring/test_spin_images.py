@@ -15,6 +15,7 @@ from fluentboard_modules.anchoring.config import RecognitionConfig
 from fluentboard_modules.anchoring.observation import Cluster
 from fluentboard_modules.anchoring.recogniser_sizes import SizeRecogniser
 from fluentboard_modules.anchoring.recogniser_spin_images import load_recogniser, train_recogniser
+from fluentboard_modules.anchoring.recogniser_training import household_models
 from fluentboard_modules.anchoring.recognisers import context_of, recogniser_of
 from fluentboard_modules.anchoring.spin_images import SpinImageConfig, describe
 
@@ -93,6 +94,12 @@ def test_the_built_in_models_fit_each_other() -> None:
     assert context is not None
     assert context.classes == recogniser.classes
     assert {"Fork", "Mug", "Plate"} <= set(recogniser.classes)
+
+
+def test_the_household_has_what_searches_look_for() -> None:
+    classes = recogniser_of(RecognitionConfig(recogniser="household")).classes
+    assert {"Book", "Bottle", "Mug", "PepperMill"} <= set(classes)
+    assert classes == tuple(sorted(household_models(services=1)))
 
 
 def test_the_built_in_context_refuses_a_recogniser_of_other_classes() -> None:

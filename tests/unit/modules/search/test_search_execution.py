@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fluentboard.errors import UnreachableView
+from fluentboard.errors import InvalidInput, UnreachableView
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
 from fluentboard_modules.search.execution import ObjectSearch
@@ -125,6 +125,31 @@ def test_the_expected_time_weighs_each_second_with_the_chance_to_need_it() -> No
     record.moments += [Moment(10.0, 1.0, 0.5), Moment(20.0, 1.0, 0.5), Moment(30.0, 2.0, 0.75)]
     assert record.expected_time_s(False) == pytest.approx(10.0 + 5.0 + 5.0)
     assert record.expected_time_s() == pytest.approx(10.0 + 5.0 + 5.0 + 1.0 + 0.5)
+
+
+def test_what_is_too_far_to_be_recognised_stays_unseen(room: SearchScene) -> None:
+    searches = [
+        search_in(room, CONFIG.model_copy(update={"detector_range_m": range_m}))
+        for range_m in (None, 1.5)
+    ]
+    for search in searches:
+        step = search.step()
+        assert step is not None
+    far, near = searches
+    left = near.region.unknown(near.occupancy)
+    view = near.record.steps[-1].view
+    eye = PR2.T_map_sensor(view).translation
+    seen = near.occupancy.centres(near.region.cells[~left])
+    assert len(seen)
+    assert np.linalg.norm(seen - eye, axis=1).max() < 1.5 + 2 * CONFIG.resolution_m
+    assert left.sum() > far.region.unknown(far.occupancy).sum()
+
+
+def test_a_detector_that_reaches_no_farther_than_the_camera_is_blind_is_refused(
+    room: SearchScene,
+) -> None:
+    with pytest.raises(InvalidInput, match="detector range"):
+        search_in(room, CONFIG.model_copy(update={"detector_range_m": 0.2}))
 
 
 def test_a_detector_that_misses_gets_a_second_look(room: SearchScene) -> None:

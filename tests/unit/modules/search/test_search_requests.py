@@ -41,7 +41,13 @@ def test_a_request_is_read_as_it_was_asked() -> None:
     activity, others = asked(
         target_class="race:Mug",
         volumes=[SearchVolume("table", BOX, 0.4)],
-        settings={"hasTimeBudget": 60.0, "hasProbabilityThreshold": 0.1, "hasDetectorRecall": 0.8},
+        settings={
+            "hasTimeBudget": 60.0,
+            "hasProbabilityThreshold": 0.1,
+            "hasDetectorRecall": 0.8,
+            "hasDetectorRange": 2.0,
+            "hasMinimumConfidence": 0.6,
+        },
         is_afresh=True,
     )
     request = read_request(activity, others, SearchConfig())
@@ -50,6 +56,8 @@ def test_a_request_is_read_as_it_was_asked() -> None:
     assert request.config.time_budget_s == 60.0
     assert request.config.threshold == 0.1
     assert request.config.recall == 0.8
+    assert request.config.detector_range_m == 2.0
+    assert request.config.confidence_min == 0.6
     assert request.is_afresh
     assert not read_request(*asked(target_class="Mug"), SearchConfig()).is_afresh
     ((name, box, probability),) = request.volumes
@@ -64,6 +72,7 @@ def test_a_request_is_read_as_it_was_asked() -> None:
         ({}, "names no target"),
         ({"target_class": "Mug", "source": "hearsay"}, "hearsay"),
         ({"target_class": "Mug", "settings": {"hasDetectorRecall": 2.0}}, "recall"),
+        ({"target_class": "Mug", "settings": {"hasDetectorRange": 0.0}}, "detector_range"),
     ],
 )
 def test_requests_that_make_no_sense_are_refused(what: dict[str, object], message: str) -> None:
