@@ -193,12 +193,20 @@ def search(
             metavar="SECONDS", help="Wait so long at most; 0 only asks. Default: to the end."
         ),
     ] = None,
+    stop: Annotated[
+        str | None,
+        typer.Option("--cancel", metavar="SEARCH", help="Instead: end the search of that name."),
+    ] = None,
     token: Token = None,
 ) -> None:
     """Ask the robots of a board to search for an object, and tell how it goes.
 
-    Exits with 0 if the object was found, else with 1.
+    Exits with 0 if the object was found, else with 1. Ctrl-C cancels the search.
     """
+    log_to_stderr(False)
+    if stop is not None:
+        _cancel(stop, board, token)
+        return
     if (target is None) == (name is None):
         raise InvalidInput("give the class of what is sought, or --name and an object's name")
     with needs_extra("search"):
@@ -212,18 +220,22 @@ def search(
         "hasDetectorRange": detector_range,
         "hasMinimumConfidence": confidence,
     }
-    activity = ask_for(
-        board,
-        target_class=target or "",
-        target_name=name or "",
-        volumes=[volume_of_text(text) for text in volume or ()],
-        source=probabilities,
-        settings={key: value for key, value in settings.items() if value is not None},
-        is_afresh=afresh,
-        wait_s=wait,
-        token=token,
-        told=_tell,
-    )
+    try:
+        activity = ask_for(
+            board,
+            target_class=target or "",
+            target_name=name or "",
+            volumes=[volume_of_text(text) for text in volume or ()],
+            source=probabilities,
+            settings={key: value for key, value in settings.items() if value is not None},
+            is_afresh=afresh,
+            wait_s=wait,
+            token=token,
+            told=_tell,
+        )
+    except KeyboardInterrupt:
+        typer.echo("search: cancelled", err=True)
+        raise typer.Exit(130) from None
     results = activity.values("hasResult")
     found = activity.values("hasFoundObject")
     typer.echo(
@@ -232,6 +244,13 @@ def search(
     )
     if wait != 0.0 and not found:
         raise typer.Exit(1)
+
+
+def _cancel(search: str, board_url: str, token: str | None) -> None:
+    with needs_extra("search"):
+        from fluentboard_modules.search.run import cancel
+    cancel(board_url, search, token)
+    typer.echo(f"{search}: cancelled")
 
 
 def _tell(progress: Fluent) -> None:

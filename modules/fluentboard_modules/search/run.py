@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 import uuid
@@ -9,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from fluentboard.clock import SystemClock
-from fluentboard.errors import BoardUnreachable
+from fluentboard.errors import BoardUnreachable, InvalidInput
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
 from fluentboard_client import Client
@@ -124,6 +125,8 @@ def ask_for(
         token: bearer token.
         told: hears of every new progress fluent.
 
+    Whoever interrupts the waiting (Ctrl-C) cancels the search.
+
     Returns:
         The activity as it then stands: with `hasResult` and perhaps `hasFoundObject`, if it ended.
 
@@ -145,16 +148,61 @@ def ask_for(
     read_request(by_name[name], by_name, SearchConfig())  # refuses here what robots would refuse
     with Client(board_url, author="search-request", token=token) as board:
         board.assert_fluents(fluents)
-        begun = time.monotonic()
-        heard: set[str] = set()
-        while True:
-            activity = board.fluent(name)
-            for progress in map(str, activity.values("hasSearchProgress")):
-                if progress not in heard:
-                    heard.add(progress)
-                    told(board.fluent(progress))
-            if not activity.finish.is_unknown and activity.values("hasResult"):
-                return activity
-            if wait_s is not None and time.monotonic() - begun >= wait_s:
-                return activity
-            time.sleep(_LOOK_AGAIN_S)
+        if target_class and not _is_known(board, target_class):
+            logger.warning("the board knows no class %r: is it spelled so?", target_class)
+        try:
+            return _await_end(board, name, wait_s, told)
+        except KeyboardInterrupt:
+            _end(board, name)
+            raise
+
+
+def cancel(board_url: str, search: str, token: str | None = None) -> None:
+    """Ends a search, whoever serves it; one that has ended stays as it is.
+
+    Args:
+        board_url: address of the board.
+        search: name of the activity.
+        token: bearer token.
+
+    Raises:
+        InvalidInput: what has that name is no search.
+    """
+    with Client(board_url, author="search-request", token=token) as board:
+        _end(board, search)
+
+
+def _end(board: Client, search: str) -> None:
+    activity = board.fluent(search)
+    if activity.class_name != "SearchObjectActivity":
+        raise InvalidInput(f"{search!r} is no search but a {activity.class_name}; give a search")
+    if activity.finish.is_unknown:
+        # Robots in a simulation may be ahead of our clock.
+        start = activity.start.latest or 0.0
+        board.end(search, max(SystemClock().now_s(), start))
+
+
+def _await_end(
+    board: Client, search: str, wait_s: float | None, told: Callable[[Fluent], object]
+) -> Fluent:
+    begun = time.monotonic()
+    heard: set[str] = set()
+    while True:
+        activity = board.fluent(search)
+        for progress in map(str, activity.values("hasSearchProgress")):
+            if progress not in heard:
+                heard.add(progress)
+                told(board.fluent(progress))
+        if not activity.finish.is_unknown and activity.values("hasResult"):
+            return activity
+        if wait_s is not None and time.monotonic() - begun >= wait_s:
+            return activity
+        time.sleep(_LOOK_AGAIN_S)
+
+
+def _is_known(board: Client, class_name: str) -> bool:
+    """Whether an ontology of the board has a class of that short name."""
+    short = json.dumps("#" + class_name.rpartition("#")[2].rpartition(":")[2])
+    return board.ask(
+        f"ASK {{ ?class rdfs:subClassOf ?above . FILTER(STRENDS(STR(?class), {short})) }}"
+    )
