@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fluentboard.errors import UnreachableView
+from fluentboard.errors import InvalidInput, UnreachableView
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
@@ -25,6 +25,7 @@ from fluentboard_modules.search.octomap_files import read_octomap, write_octomap
 from fluentboard_modules.search.record import SearchRecord
 from fluentboard_modules.search.region import SearchVolume
 from fluentboard_modules.search.request import read_request, request_fluents
+from fluentboard_modules.search.run import cancel
 from fluentboard_modules.search.worker import SearchWorker
 from fluentboard_modules.search.worlds import open_world
 from fluentboard_modules.simulation.robots import PR2, View
@@ -164,6 +165,16 @@ def test_ending_the_activity_cancels_the_search(service: ServiceProcess) -> None
         assert worker.records[-1].outcome == "cancelled"
         assert len(worker.records[-1].steps) == 1
         assert list(board.fluent("search_cancelled").values("hasResult")) == ["cancelled"]
+
+
+def test_a_search_is_cancelled_by_name(service: ServiceProcess) -> None:
+    with Client(service.address) as board:
+        ask(board, "search_by_name", cls="Vase")
+        cancel(service.address, "search_by_name")
+        assert not board.fluent("search_by_name").finish.is_unknown
+        cancel(service.address, "search_by_name")  # it has ended, and stays so
+        with pytest.raises(InvalidInput, match="no search"):
+            cancel(service.address, "poseBBSearch_by_name_around_table1")
 
 
 def test_a_search_survives_a_goal_that_fails_and_a_board_that_crashes(tmp_path: Path) -> None:
