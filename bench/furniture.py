@@ -158,7 +158,7 @@ def _score_report(trials: Mapping[Key, Trial]) -> Report:
     notes = [
         f"Every hypothesis that was verified, before the choice among those at one place; true is "
         f"one whose pose after verification is within the thesis's distance of a piece of its "
-        f"model. Accepted is a score of {accept} and more.",
+        f"model. The score is the probability by all evidence; accepted is {accept} and more.",
         "![ROC curves of the visibility score](pictures/mapping_roc.png)",
     ]
     return Report(
@@ -189,7 +189,7 @@ def _draw(curves: Mapping[str, Sequence[tuple[float, bool]]], accept: float) -> 
         ylabel="share of the true hypotheses accepted",
         xlim=(-0.02, 1.02),
         ylim=(-0.02, 1.02),
-        title=f"Visibility score (dots: threshold {accept})",
+        title=f"Score of the verification (dots: threshold {accept})",
     )
     axes.legend(title="area under the curve", loc="lower right", fontsize="small")
     figure.savefig(_PICTURE, dpi=110)

@@ -17,7 +17,7 @@ from fluentboard_modules.mapping.furniture_item import box_overlap
 from fluentboard_modules.mapping.verify import Verdict
 
 _TOUCHING = 0.15  # of the footprint: poses are off by as much
-_SURE = 0.85  # no plane has hinted at it, so the images must say more than for a hypothesis
+_SURE = 0.6  # no plane has hinted at it, so the images must say more than for a hypothesis
 _FULL = 0.9  # of its bounding rectangle: what fills it can stand side by side, an L cannot
 _PIECES_MAX = 40  # a row ends somewhere, whatever the images say
 

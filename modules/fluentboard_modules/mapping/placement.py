@@ -86,6 +86,12 @@ class Looker:
             self.heading,
         )
 
+    def misfit(self, standing: Standing) -> float:
+        """How the pixels agree there, as it is: mean squared residual in variances."""
+        config = self.config.refinement.model_copy(update={"steps": 1})
+        once = refine(self.model, standing, self.views, self.config.visibility, config)
+        return once.misfit
+
     def _trial(self, standing: Standing, visibility: Visibility) -> Trial:
         config = self.config.visibility
         closeness, gain, score = (

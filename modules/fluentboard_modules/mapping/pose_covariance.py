@@ -14,15 +14,22 @@ _PRIOR = np.diag([1.0 / 0.25**2, 1.0 / 0.25**2, 1.0 / 0.35**2])
 _PLAY_STEPS_M = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)  # how far a model is moved to see if it shows
 
 
-def pose_covariance(looker: Looker, best: Trial, config: CovarianceConfig) -> FloatArray:
+def pose_covariance(
+    looker: Looker, best: Trial, refined: Refined, config: CovarianceConfig
+) -> FloatArray:
     """`(3, 3)`; of x and y (metres) and yaw (radians) in the map.
 
     What surfaces bind follows from the noise of all pixels that show them. Along a top no surface
     does, only its outline; and what stands in a shelf may bind it wrongly. So along each axis of
     the model, the deviation is kept between the steps by which it can just and just not be moved
     without a loss: a model that may be anywhere within s to one side has the variance s^2 / 3.
+
+    Args:
+        looker: at the model.
+        best: where it stands.
+        refined: how well the pixels bind it there.
+        config: of both parts.
     """
-    refined = looker.refine(best.standing)
     bound = _bound(refined, looker.config.refinement.independent_share)
     scale = np.ones(3)
     for axis in range(2):

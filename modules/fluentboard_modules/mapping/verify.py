@@ -18,6 +18,7 @@ from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView, best_views
+from fluentboard_modules.mapping.evidence import gather_evidence
 from fluentboard_modules.mapping.generic_models import generic_model
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
@@ -27,7 +28,6 @@ from fluentboard_modules.mapping.starts import heading_of, possible_rows, possib
 from fluentboard_modules.mapping.visibility import (
     Visibility,
     compare_with_views,
-    front_relief_m,
 )
 
 # Metres along either axis, radians: the backs of four chairs of the 7-Scenes red kitchen were off
@@ -45,7 +45,8 @@ class Verdict:
         model: the CAD model that fits best.
         standing: where it stands.
         initial: where the hypothesis had put it.
-        score: share of what was seen of it that it explains, in [0, 1].
+        score: how likely a model from a CAD file is there by all evidence; of a made-up one, the
+            share of what was seen of it that it explains. In [0, 1].
         initial_score: the same where the hypothesis had put it.
         visibility: what the score is made of.
         covariance: `(3, 3)`; of x, y and yaw in the map, metres and radians.
@@ -223,12 +224,15 @@ def _best_of(
     """The verdict on the best place that is found from any of the starts."""
     model, views, config = looker.model, looker.views, looker.config
     initial, best = best_place(looker, starts, reach_m)
-    score, initial_score = best.score, initial.score
-    if geometry.main_side == "front":
-        # All that is measured lies in one plane: whether it is a front shows in its relief.
-        relief = front_relief_m(model, best.standing.transform, views, config.visibility)
-        share = float(np.clip(relief / config.relief_m, 0.0, 1.0))
-        score, initial_score = share * score, share * initial_score
+    refined = looker.refine(best.standing)
+    is_front = geometry.main_side == "front"
+    score, initial_score = (
+        gather_evidence(looker, trial, misfit, is_front=is_front).probability(config.evidence)
+        for trial, misfit in (
+            (best, refined.misfit),
+            (initial, looker.misfit(initial.standing)),
+        )
+    )
     return Verdict(
         model,
         best.standing,
@@ -236,7 +240,7 @@ def _best_of(
         score,
         initial_score,
         best.visibility,
-        pose_covariance(looker, best, config.covariance),
-        score >= (config.accept_exact_score if model.is_exact else config.accept_score),
+        pose_covariance(looker, best, refined, config.covariance),
+        score >= config.accept_exact_score and best.score >= config.accept_score,
         len(views),
     )

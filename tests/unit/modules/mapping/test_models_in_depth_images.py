@@ -11,11 +11,15 @@ from fluentboard_modules.mapping.alignment_kernels import OUTSIDE
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import (
     DepthNoiseConfig,
+    EvidenceConfig,
     RefinementConfig,
+    VerificationConfig,
     VisibilityConfig,
 )
 from fluentboard_modules.mapping.depth_views import DepthView, thin_view
+from fluentboard_modules.mapping.evidence import Evidence, gather_evidence
 from fluentboard_modules.mapping.nearest_samples import VOXEL_M
+from fluentboard_modules.mapping.placement import Looker
 from fluentboard_modules.mapping.refinement import Heading, refine
 from fluentboard_modules.mapping.view_kernels import draw
 from fluentboard_modules.mapping.visibility import scene_points
@@ -128,3 +132,45 @@ def test_points_of_two_views_of_one_place_are_kept_once() -> None:
 
     assert len(once) > 100
     assert len(once) == len(twice)
+
+
+def evidence_of(things: tuple[Instance, ...], at: Standing, *, is_front: bool = False) -> Evidence:
+    """What one view of some things says about a chair at a place."""
+    scene = Scene((Instance("floor", furniture.floor(8.0, 8.0), Pose(0.0, 0.0, 0.0)), *things))
+    frame = RgbdSensor(CAMERA, NoiseConfig()).look(
+        scene,
+        look_at(np.array([1.6, 0.9, 1.4]), np.array([0.0, 0.0, 0.5])),
+        1.0,
+        np.random.default_rng(0),
+    )
+    looker = Looker(CHAIR_CAD, [thin_view(frame, DepthNoiseConfig())], VerificationConfig())
+    return gather_evidence(looker, looker.look(at), looker.misfit(at), is_front=is_front)
+
+
+def test_a_chair_is_likelier_than_a_block_of_its_size() -> None:
+    low, high = CHAIR.mesh.bounds
+    block = furniture.cabinet(width=float(high[1] - low[1]), height=0.95)
+    at = Standing(0.0, 0.0, 0.0)
+
+    chair = evidence_of((Instance("chair", CHAIR, Pose(0.0, 0.0, 0.0)),), at)
+    other = evidence_of((Instance("block", block, Pose(0.0, 0.0, 0.0)),), at)
+
+    config = EvidenceConfig()
+    assert chair.probability(config) > 0.95
+    assert other.probability(config) < 0.1
+    assert chair.outline > 0.8
+
+
+def test_a_surface_that_goes_on_leaves_no_outline() -> None:
+    config = EvidenceConfig()
+    sure = Evidence(explained=0.9, closeness=0.8, outline=0.9, misfit=1.0)
+    on_a_wall = Evidence(explained=0.9, closeness=0.8, outline=0.1, misfit=1.0)
+
+    assert sure.probability(config) > 0.7
+    assert on_a_wall.probability(config) < 0.5
+
+
+def test_a_front_without_relief_is_none() -> None:
+    flat = Evidence(explained=1.0, closeness=1.0, outline=1.0, misfit=0.5, relief=0.0)
+
+    assert flat.probability(EvidenceConfig()) == 0.0
