@@ -128,8 +128,10 @@ class DurableRoutes:
     async def delete(self, call: Call) -> Reply:
         """`DELETE /subscriptions/{name}`."""
         name = call.arguments["name"]
-        await asyncio.to_thread(self._durable.remove, name)
+        # First: a post that is given up now would leave its dead letter to the next of that name.
+        await asyncio.to_thread(self._durable.get, name)
         await self._webhooks.stop(name)
+        await asyncio.to_thread(self._durable.remove, name)
         return Reply(status=204)
 
     async def acknowledge(self, call: Call) -> Reply:
@@ -235,6 +237,11 @@ class DurableRoutes:
     async def _opened(self, asked: LiveRequest, name: str) -> EventStream:
         self._live.check_streams()
         subscription = await asyncio.to_thread(asked.open, self._registry)
+        try:
+            self._live.check_streams()
+        except TooManySubscriptions:  # others were faster, or the board stops
+            subscription.close()
+            raise
         stream = EventStream(
             subscription,
             name,

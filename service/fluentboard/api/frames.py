@@ -13,7 +13,7 @@ import orjson
 
 from fluentboard.api.exchange import Call, HeaderList, Reply, StreamedReply, json_reply
 from fluentboard.api.operations import Answer, Content, Operation, Parameter
-from fluentboard.api.parameters import optional_number, seconds, text
+from fluentboard.api.parameters import optional_number, seconds, text, whole_number
 from fluentboard.api.schemas.upkeep import FrameReceipt, Sensors
 from fluentboard.board.frame_ring import FrameRing, KeptFrame, check_sensor
 from fluentboard.board.frame_settings import FrameSettings
@@ -130,9 +130,10 @@ class FrameRoutes:
     async def kept(self, call: Call) -> Reply:
         """`GET /frames/{sensor}/{index}`."""
         sensor, number = call.arguments["sensor"], call.arguments["index"]
-        if not number.isascii() or not number.isdigit():
-            raise InvalidInput(f"the frame {number!r} is no whole number")
-        content = await asyncio.to_thread(self.ring.read, sensor, int(number))
+        index = whole_number(number)
+        if index is None:
+            raise InvalidInput(f"the frame is {number!r}; give a whole number")
+        content = await asyncio.to_thread(self.ring.read, sensor, index)
         return Reply(content, MEDIA_TYPE.encode())
 
     async def list_sensors(self, call: Call) -> Reply | StreamedReply:

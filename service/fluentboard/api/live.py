@@ -102,9 +102,10 @@ class LiveRoutes:
         if self._is_closing:
             await send({"type": "websocket.close", "code": _GOING_AWAY})
             return
-        await send({"type": "websocket.accept"})
+        # Before it is accepted: `close` may be called meanwhile, and is to find it.
         self._connections[connection] = None
         try:
+            await send({"type": "websocket.accept"})
             await connection.run()
         finally:
             del self._connections[connection]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from fluentboard.api import parameters
+from fluentboard.api.parameters import NUMBER_MAX
 from fluentboard.board.subscriptions.durable import Position
 from fluentboard.board.subscriptions.messages import (
     Delta,
@@ -81,7 +82,7 @@ def request_from_json(body: Mapping[str, Any]) -> LiveRequest:
     query, since, since_s = body.get("query"), body.get("since"), body.get("since_at")
     if not isinstance(query, str):
         raise InvalidInput(f"the query is {query!r}; give SPARQL text")
-    if since is not None and (isinstance(since, bool) or not isinstance(since, int)):
+    if since is not None and not _is_commit(since):
         raise InvalidInput(f"since is {since!r}; give a commit number")
     if since_s is not None and not _is_time(since_s):
         raise InvalidInput(f"since_at is {since_s!r}; give a time in seconds")
@@ -200,7 +201,7 @@ def position_from_text(text: str | None) -> Position | None:
         if at_s is not None and not math.isfinite(at_s):
             raise ValueError
         found = Position(int(commit), at_s, int(sequence) if sequence else 1)
-        if found.commit < 0 or found.sequence < 0:
+        if not (0 <= found.commit <= NUMBER_MAX and 0 <= found.sequence <= NUMBER_MAX):
             raise ValueError
     except ValueError:
         raise InvalidInput(
@@ -219,13 +220,17 @@ def _replay_from_json(value: Any) -> ReplayRequest:
             f"replay has the unknown key {min(unknown)!r}; keys are commit, time, speed"
         )
     commit, time, speed = members.get("commit"), members.get("time"), members.get("speed", 1.0)
-    if commit is not None and (isinstance(commit, bool) or not isinstance(commit, int)):
+    if commit is not None and not _is_commit(commit):
         raise InvalidInput(f"replay.commit is {commit!r}; give a commit number")
     if time is not None and not _is_time(time):
         raise InvalidInput(f"replay.time is {time!r}; give a time in seconds")
     if not _is_time(speed):
         raise InvalidInput(f"replay.speed is {speed!r}; give a number above 0")
     return ReplayRequest(commit, time, float(speed))
+
+
+def _is_commit(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= NUMBER_MAX
 
 
 def _is_time(value: Any) -> bool:

@@ -19,6 +19,11 @@ Values = Mapping[str, Sequence[str]]
 RELATIONS = tuple(relation.value for relation in Relation)
 """Names of the relations of intervals."""
 
+NUMBER_MAX = 2**63 - 1
+"""Numbers of commits, frames and the like are smaller: SQLite keeps no larger ones."""
+
+_DIGITS_MAX = 19
+
 _TRUE = frozenset({"", "true", "1", "yes"})
 _FALSE = frozenset({"false", "0", "no"})
 
@@ -54,7 +59,7 @@ def flag(values: Values, name: str) -> bool | None:
 
 
 def number(
-    values: Values, name: str, *, least: int = 0, most: int = 2**63 - 1, default: int = 0
+    values: Values, name: str, *, least: int = 0, most: int = NUMBER_MAX, default: int = 0
 ) -> int:
     """A whole number.
 
@@ -66,7 +71,7 @@ def number(
 
 
 def optional_number(
-    values: Values, name: str, *, least: int = 0, most: int = 2**63 - 1
+    values: Values, name: str, *, least: int = 0, most: int = NUMBER_MAX
 ) -> int | None:
     """A whole number, or None if the parameter is not there.
 
@@ -76,10 +81,17 @@ def optional_number(
     value = text(values, name)
     if value is None:
         return None
-    if not value.isascii() or not value.isdigit() or not least <= int(value) <= most:
-        allowed = f"from {least} to {most}" if most < 2**63 - 1 else f"of at least {least}"
+    found = whole_number(value)
+    if found is None or not least <= found <= most:
+        allowed = f"from {least} to {most}" if most < NUMBER_MAX else f"of at least {least}"
         raise InvalidInput(f"the parameter {name} is {value!r}; give a whole number {allowed}")
-    return int(value)
+    return found
+
+
+def whole_number(text: str) -> int | None:
+    """What decimal digits stand for; None if there is something else, or too many of them."""
+    is_plain = text.isascii() and text.isdigit() and len(text) <= _DIGITS_MAX
+    return int(text) if is_plain else None
 
 
 def time_s(values: Values, name: str, clock: Clock) -> float | None:

@@ -18,6 +18,7 @@ from fluentboard.api.exchange import Call, Receive, Reply, Scope, Send, json_rep
 from fluentboard.api.live import LiveRoutes, client_of, refuse
 from fluentboard.api.live_request import LiveRequest
 from fluentboard.api.operations import Answer, Content, Operation
+from fluentboard.api.parameters import whole_number
 from fluentboard.api.problems import problem_reply
 from fluentboard.api.security import Guard
 from fluentboard.board.subscriptions.messages import Answer as Result
@@ -93,7 +94,7 @@ class SepaRoutes:
             host, port = address, ""
         is_safe = call.scheme == "https"
         socket = {
-            "port": int(port) if port.isdigit() else 443 if is_safe else 80,
+            "port": whole_number(port) or (443 if is_safe else 80),
             "path": call.root_path + PATH,
         }
         sparql = {"path": f"{call.root_path}/sparql", "method": "POST", "format": "JSON"}

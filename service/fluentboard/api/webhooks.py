@@ -272,7 +272,7 @@ class _Delivery:
             return 0, f"{type(failure).__name__}: {failure}", 0.0
         asked = reply.headers.get("retry-after", "")
         limit_s = self._webhooks.settings.webhook_backoff_max_s
-        wait_s = min(float(asked), limit_s) if asked.isdigit() else 0.0
+        wait_s = min(float(asked), limit_s) if asked.isascii() and asked.isdigit() else 0.0
         return reply.status_code, f"status {reply.status_code}", wait_s
 
     async def _advance(self, messages: list[Message]) -> None:
