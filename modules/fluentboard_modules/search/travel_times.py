@@ -20,44 +20,82 @@ from fluentboard_modules.simulation.robots import DRIVES_FROM_M, RobotModel, Vie
 
 _LEAST_PRICE = 50.0  # navfn's cost of a free cell
 _SWEPT_FROM = 6  # sources
-_SWEPT_CELLS_MAX = 400_000  # 1,000 m2 of free floor at 5 cm: 51 MB of costs
+_CELLS_MAX = 400_000  # 1,000 m2 of free floor at 5 cm: 51 MB of costs
+_MERGED_MAX = 4  # cells of 20 cm at 5 cm: no obstacle, made wider by a robot's radius, is as thin
+_CLUSTERS = 50  # Table 5.1
 _SWEEPS_MAX = 60  # of some ten in rooms; about what the search by buckets takes
 
 
 class Routes:
     """The cheapest ways over a costmap.
 
+    In maps as large as some rooms they are exact. In larger ones the cells are merged by two or
+    four along each axis, a merged cell being free if one of them is, at their mean price: ways
+    come out 1 % too dear or too cheap on average, and what is unreachable stays so. If that does
+    not do, places are clustered as in Section 5.2.2.
+
     Args:
         costmap: where the base can drive.
-        clusters: plan ways between so many representatives only, and take those for all places
-            near them (Section 5.2.2); for maps much larger than some rooms. None: exact.
+        clusters: plan ways between so many representatives only, and guess those of the places
+            near them. None: as many as the thesis has, if the map is too large for anything else.
+        cells_max: so many free cells are not too large.
     """
 
-    def __init__(self, costmap: Costmap, clusters: int | None = None) -> None:
-        rows, columns = costmap.cost.shape
-        price = np.full((rows + 2, columns + 2), np.inf)
-        price[1:-1, 1:-1] = cell_prices(costmap)
+    def __init__(
+        self, costmap: Costmap, clusters: int | None = None, cells_max: int = _CELLS_MAX
+    ) -> None:
+        price = cell_prices(costmap)
+        merged = 1
+        while np.count_nonzero(np.isfinite(price)) > cells_max and merged < _MERGED_MAX:
+            price = _halved(price)
+            merged *= 2
+        if clusters is None and np.count_nonzero(np.isfinite(price)) > cells_max:
+            clusters = _CLUSTERS
+        price = np.pad(price, 1, constant_values=np.inf)
         self._costmap = costmap
         self._clusters = clusters
-        self._columns = columns + 2
+        self._cells_max = cells_max
+        self._merged = merged
+        self._columns = price.shape[1]
         self._price = price.ravel()
-        longest = 2.0**0.5 * float(price[np.isfinite(price)].max(initial=_LEAST_PRICE))
-        self._buckets = int(longest / _LEAST_PRICE) + 3
+        self._width = merged * _LEAST_PRICE
+        longest = 2.0**0.5 * float(price[np.isfinite(price)].max(initial=self._width))
+        self._buckets = int(longest / self._width) + 3
 
     def among(self, places: FloatArray) -> FloatArray:
         """`(n, n)`; costs of the ways between places `(n, 2)`, infinite where there is none."""
         cell = self._cells(places)
-        group = np.arange(len(places))
-        if self._clusters is not None:
-            group = _clustered(places, cell >= 0, self._clusters)
-        chosen, number = np.unique(cell[group], return_inverse=True)
+        if self._clusters is None:
+            return self._table(cell)
+        group = _clustered(places, cell >= 0, self._clusters)
+        return self._guessed(places, group, self._table(cell[group]))
+
+    def _guessed(
+        self, places: FloatArray, group: NDArray[np.int64], costs: FloatArray
+    ) -> FloatArray:
+        """Costs between places by those between their representatives.
+
+        The detour between two places is taken to be that between their representatives; within a
+        cluster there is none.
+        """
+        away = np.linalg.norm(places[:, None] - places[None], axis=2)
+        between = away[np.ix_(group, group)]
+        straight = away * (_LEAST_PRICE / self._costmap.resolution_m)
+        detour = np.divide(costs, between, out=np.zeros_like(costs), where=between > 0.0)
+        reachable = np.isfinite(costs)
+        guessed = np.where(between > 0.0, np.where(reachable, detour, 0.0) * away, straight)
+        return np.where(reachable, guessed, np.inf)
+
+    def _table(self, cell: NDArray[np.int64]) -> FloatArray:
+        """`(n, n)`; costs of the ways between cells; -1 is no cell, and no way leads there."""
+        chosen, number = np.unique(cell, return_inverse=True)
         first = int(np.searchsorted(chosen, 0))  # what is not free comes before
         free = chosen[first:]
         table = np.full((len(chosen), len(chosen)), np.inf)
         swept = self._swept(free, free)
         if swept is None:
             kernels.path_cost_table(
-                self._price, self._columns, free, _LEAST_PRICE, self._buckets, self._price.size,
+                self._price, self._columns, free, self._width, self._buckets, self._price.size,
                 table[first:, first:],
             )  # fmt: skip
         else:
@@ -74,7 +112,7 @@ class Routes:
         if swept is None:
             swept = np.full((len(here), len(there)), np.inf)
             kernels.path_costs_between(
-                self._price, self._columns, start[here], goal[there], _LEAST_PRICE, self._buckets,
+                self._price, self._columns, start[here], goal[there], self._width, self._buckets,
                 self._price.size, swept,
             )  # fmt: skip
         table[np.ix_(here, there)] = swept
@@ -82,7 +120,7 @@ class Routes:
 
     def _swept(self, sources: NDArray[np.int64], goals: NDArray[np.int64]) -> FloatArray | None:
         """Costs by sweeps; None where buckets are better: few sources, large maps, mazes."""
-        if len(sources) < _SWEPT_FROM or self._graph.size > _SWEPT_CELLS_MAX:
+        if len(sources) < _SWEPT_FROM or self._graph.size > self._cells_max:
             return None
         return self._graph.costs(sources, goals, _SWEEPS_MAX)
 
@@ -100,7 +138,19 @@ class Routes:
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         row, column = np.where(inside, row, 0), np.where(inside, column, 0)
         free = inside & (costmap.cost[row, column] < INSCRIBED)
+        row, column = row // self._merged, column // self._merged
         return np.where(free, (row + 1) * self._columns + column + 1, -1)
+
+
+def _halved(price: FloatArray) -> FloatArray:
+    """Prices of cells twice as wide: a step costs twice the mean of what is free in them."""
+    rows, columns = price.shape
+    padded = np.pad(price, ((0, rows % 2), (0, columns % 2)), constant_values=np.inf)
+    four = padded.reshape(padded.shape[0] // 2, 2, padded.shape[1] // 2, 2)
+    free = np.isfinite(four)
+    total = np.where(free, four, 0.0).sum(axis=(1, 3))
+    count = free.sum(axis=(1, 3))
+    return np.divide(2.0 * total, count, out=np.full(total.shape, np.inf), where=count > 0)
 
 
 def places_of(views: Sequence[View]) -> FloatArray:

@@ -9,7 +9,7 @@ from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.search import travel_times
 from fluentboard_modules.search.route_sweeps import SweepGraph
 from fluentboard_modules.search.travel_times import Routes
-from fluentboard_modules.simulation.navigation import Costmap, cell_prices
+from fluentboard_modules.simulation.navigation import Costmap, cell_prices, inflated
 
 
 @pytest.fixture
@@ -54,3 +54,38 @@ def test_a_maze_is_left_to_the_search_by_buckets() -> None:
     assert costs is not None
     places = np.array([[0.5, 0.5], [40.5, 40.5]])
     assert Routes(maze).between(places, places)[0, 1] == pytest.approx(costs[0, 0])
+
+
+@pytest.fixture(scope="module")
+def hall() -> Costmap:
+    """A floor of a hectare: rooms of 10 m with doors of 1.6 m, and a locked one."""
+    occupied = np.zeros((1000, 1000), np.bool_)
+    for wall in [*range(0, 1000, 100), 999]:
+        occupied[wall] = occupied[:, wall] = True
+    for wall in range(100, 1000, 100):
+        for door in range(42, 1000, 100):
+            occupied[wall, door : door + 16] = occupied[door : door + 16, wall] = False
+    occupied[900, 900:] = occupied[900:, 900] = True
+    return inflated(occupied, 0.1, (0.0, 0.0), 0.35)
+
+
+def test_ways_over_a_hectare_are_planned_on_merged_cells(hall: Costmap) -> None:
+    places = np.array([[2.0, 3.0], [93.0, 3.5], [48.0, 77.0], [5.0, 94.0], [95.0, 95.0]])
+    exact = Routes(hall, cells_max=10**9).among(places)
+    merged = Routes(hall).among(places)
+    np.testing.assert_allclose(merged, exact, rtol=0.05)
+    assert np.isinf(merged[4, :4]).all()
+    np.testing.assert_allclose(Routes(hall).between(places[:2], places), merged[:2], rtol=1e-9)
+
+
+def test_ways_over_still_larger_floors_are_those_of_clusters(
+    hall: Costmap, rng: np.random.Generator
+) -> None:
+    places = np.concatenate([rng.uniform(2.0, 98.0, (70, 2)), [[95.0, 95.0]]])
+    merged = Routes(hall, cells_max=60_000).among(places)  # by four, which does
+    guessed = Routes(hall, cells_max=40_000).among(places)
+    np.testing.assert_array_equal(np.isinf(guessed), np.isinf(merged))
+    far = np.isfinite(merged) & (merged > 5_000.0)
+    wrong = np.abs(guessed[far] / merged[far] - 1.0)
+    assert wrong.mean() < 0.05
+    np.testing.assert_allclose(guessed, guessed.T)
