@@ -45,6 +45,7 @@ _TEXT = b"text/plain; charset=utf-8"
 class _Transaction:
     used_s: float
     operations: list[Operation] = field(default_factory=list[Operation])
+    size: int = 0
 
 
 class Transactions:
@@ -139,9 +140,14 @@ class Transactions:
 
     async def _commit(self, call: Call, transaction: _Transaction) -> Reply:
         name = call.arguments["transaction"]
-        await self._updater.try_out(transaction.operations)
-        commit = await self._updater.change(call, lambda: transaction.operations, name)
-        self._open.pop(name, None)
+        # Gone for others: what is committed twice may happen twice.
+        del self._open[name]
+        try:
+            await self._updater.try_out(transaction.operations)
+            commit = await self._updater.change(call, lambda: transaction.operations, name)
+        except BaseException:
+            self._open[name] = transaction
+            raise
         return Reply(b"", _TEXT, 200, [commit_header(commit.number)])
 
     async def _say(
@@ -151,7 +157,13 @@ class Transactions:
         base = rdf4j_parameters.base_iri(values, own_address(call, call.path))
         body = await call.body(self._limits.body_max_bytes)
         form = call.header(b"content-type") or ""
-        quads = tuple(quads_in(body, form, base, CHANGES_MAX, graphs))
+        left = CHANGES_MAX - transaction.size
+
+        def read() -> tuple[ox.Quad, ...]:
+            return tuple(quads_in(body, form, base, left, graphs))
+
+        quads = await asyncio.to_thread(read)
+        transaction.size += len(quads)
         transaction.operations.append(
             InsertStatements(quads, tolerates=True) if adds else DeleteStatements(quads)
         )
@@ -163,7 +175,15 @@ class Transactions:
         text = parameters.text(values, "update")
         if text is None:
             text = utf8_text(await call.body(self._limits.body_max_bytes))
-        operations = parse_update(text, base_iri=own_address(call, call.path))
+        address = own_address(call, call.path)
+        operations = await asyncio.to_thread(parse_update, text, base_iri=address)
+        transaction.size += len(text)
+        if transaction.size > CHANGES_MAX:
+            raise TooLarge(
+                f"the transaction has more than {CHANGES_MAX:,} statements, or characters of "
+                "updates; commit it, and begin another",
+                limit=CHANGES_MAX,
+            )
         transaction.operations += loads_resolved(operations, None)
         return Reply(b"", _TEXT)
 

@@ -87,6 +87,8 @@ def quads_in(
         TooLarge: there are too many.
         UnsupportedMediaType: it is in no known format.
     """
+    # In each of several graphs a statement counts.
+    count_max //= max(1, len(graphs))
     for quad in _quads(body, content_type, base_iri, count_max, without_graphs=False):
         for graph in graphs:
             yield ox.Quad(quad.subject, quad.predicate, quad.object, graph)

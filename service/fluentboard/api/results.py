@@ -191,9 +191,11 @@ class ResultSink:
         """Nothing waits to be written."""
 
     def close(self) -> None:
-        """Lets go of the temporary file."""
+        """Lets go of the temporary file, which nobody is to read."""
         if self._file is not None:
             self._file.close()
+            if self._folder is not None:
+                Path(self._file.name).unlink(missing_ok=True)
 
     @property
     def text(self) -> bytes | None:

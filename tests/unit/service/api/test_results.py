@@ -2,11 +2,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from pathlib import Path
 from typing import IO, Any, cast
 
 import pyoxigraph as ox
 import pytest
 
+from fluentboard.api.answering import written
 from fluentboard.api.results import ResultSink, RowCounter, Stopped
 from fluentboard.config import LimitSettings
 from fluentboard.errors import TooLarge
@@ -79,3 +81,10 @@ def test_writing_stops_when_nobody_waits() -> None:
     into = ResultSink(ox.QueryResultsFormat.JSON, LimitSettings(), stop)
     with pytest.raises(Stopped):
         write(solutions(["x"]), into)
+
+
+def test_a_result_that_is_given_up_leaves_no_file(tmp_path: Path) -> None:
+    limits = LimitSettings(result_memory_max_bytes=10, result_max_bytes=20_000)
+    with pytest.raises(TooLarge):
+        written(solutions(["long"] * 5_000), None, limits, threading.Event(), tmp_path)
+    assert not list(tmp_path.iterdir())
