@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from fluentboard_modules.mapping.config import EvidenceConfig
 from fluentboard_modules.mapping.evidence_kernels import outline_lengths
 from fluentboard_modules.mapping.placement import Looker, Trial
-from fluentboard_modules.mapping.view_kernels import draw
-from fluentboard_modules.mapping.visibility import front_relief_m, image_window
+from fluentboard_modules.mapping.visibility import draw_into, front_relief_m
 
 _OUTLINE_PRIOR_M = 0.1  # of outline seen to end, and as much that goes on, before any was seen
 
@@ -67,20 +66,17 @@ def gather_evidence(
     ends, goes_on = _OUTLINE_PRIOR_M, _OUTLINE_PRIOR_M
     T_map_model = trial.standing.transform
     for view in looker.views:
-        T_sensor_model = view.T_sensor_map @ T_map_model
-        window = image_window(model, T_sensor_model, view, config.visibility)
-        if window is None:
+        drawing = draw_into(model, T_map_model, view, config.visibility.overrun_reach_m)
+        if drawing is None:
             continue
-        corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
-        expected, triangle = draw(corners, view.intrinsics, window, 1)
         ends_m, goes_on_m = outline_lengths(
-            expected,
-            triangle,
-            corners,
+            drawing.expected,
+            drawing.triangle,
+            drawing.corners,
             view.depth_m,
             view.sigma_m,
             view.intrinsics,
-            window,
+            drawing.window,
             view.T_map_sensor.matrix,
             config.visibility.tolerance_m,
             config.visibility.tolerance_sigma,

@@ -152,13 +152,17 @@ def _searched(looker: Looker, best: Trial) -> Trial:
     """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
     if best.is_hopeless:
         return best
+    nearby = looker.glance(best.standing)
+    here = nearby
     for step in _SEARCH_STEPS_M:
         for dx, dy in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
-            trial = looker.look(best.standing.moved(dx, dy, 0.0))
-            if trial.gain > best.gain:
-                best = trial
+            trial = looker.glance(nearby.standing.moved(dx, dy, 0.0))
+            if trial.gain > nearby.gain:
+                nearby = trial
                 break
-    return best
+    if nearby is here:
+        return best
+    return max(best, looker.look(nearby.standing), key=_gain)
 
 
 def _points_around(looker: Looker, standing: Standing) -> FloatArray:

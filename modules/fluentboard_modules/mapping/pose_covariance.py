@@ -9,8 +9,10 @@ from fluentboard_modules.mapping.config import CovarianceConfig
 from fluentboard_modules.mapping.placement import Looker, Trial
 from fluentboard_modules.mapping.refinement import Refined
 
-# Before anything was seen: where ICP begins.
-_PRIOR = np.diag([1.0 / 0.25**2, 1.0 / 0.25**2, 1.0 / 0.35**2])
+UNKNOWN_POSE: FloatArray = np.diag([0.25**2, 0.25**2, 0.35**2])
+"""Before anything was seen: where ICP begins, metres and radians."""
+
+_PRIOR = np.linalg.inv(UNKNOWN_POSE)
 _PLAY_STEPS_M = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)  # how far a model is moved to see if it shows
 
 

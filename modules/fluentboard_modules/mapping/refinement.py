@@ -20,8 +20,7 @@ from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import RefinementConfig, VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.refinement_kernels import pixel_equations
-from fluentboard_modules.mapping.view_kernels import draw
-from fluentboard_modules.mapping.visibility import image_window
+from fluentboard_modules.mapping.visibility import draw_into
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,21 +93,18 @@ def refine(
         n_pixels = 0
         T_map_model = standing.transform
         for view in views:
-            T_sensor_model = view.T_sensor_map @ T_map_model
-            window = image_window(model, T_sensor_model, view, visibility)
-            if window is None:
+            drawing = draw_into(model, T_map_model, view, visibility.overrun_reach_m)
+            if drawing is None:
                 continue
-            corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
-            expected, triangle = draw(corners, view.intrinsics, window, 1)
             of_view = pixel_equations(
-                expected,
-                triangle,
-                corners,
+                drawing.expected,
+                drawing.triangle,
+                drawing.corners,
                 view.depth_m,
                 view.sigma_m,
                 view.intrinsics,
-                window,
-                T_sensor_model.inverse().matrix,
+                drawing.window,
+                drawing.T_sensor_model.inverse().matrix,
                 scale,
                 config.bias_m,
                 config.edge_m,

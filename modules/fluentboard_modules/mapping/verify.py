@@ -23,7 +23,7 @@ from fluentboard_modules.mapping.generic_models import generic_model
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.pose_covariance import pose_covariance
+from fluentboard_modules.mapping.pose_covariance import UNKNOWN_POSE, pose_covariance
 from fluentboard_modules.mapping.starts import heading_of, possible_rows, possible_starts
 from fluentboard_modules.mapping.visibility import (
     Visibility,
@@ -49,7 +49,8 @@ class Verdict:
             share of what was seen of it that it explains. In [0, 1].
         initial_score: the same where the hypothesis had put it.
         visibility: what the score is made of.
-        covariance: `(3, 3)`; of x, y and yaw in the map, metres and radians.
+        covariance: `(3, 3)`; of x, y and yaw in the map, metres and radians; `UNKNOWN_POSE` unless
+            it is accepted.
         is_accepted: whether the score says that it is there.
         n_views: views that were compared.
     """
@@ -233,6 +234,7 @@ def _best_of(
             (initial, looker.misfit(initial.standing)),
         )
     )
+    is_accepted = score >= config.accept_exact_score and best.score >= config.accept_score
     return Verdict(
         model,
         best.standing,
@@ -240,7 +242,7 @@ def _best_of(
         score,
         initial_score,
         best.visibility,
-        pose_covariance(looker, best, refined, config.covariance),
-        score >= config.accept_exact_score and best.score >= config.accept_score,
+        pose_covariance(looker, best, refined, config.covariance) if is_accepted else UNKNOWN_POSE,
+        is_accepted,
         len(views),
     )

@@ -12,9 +12,83 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.int32]
 
 _NEAREST_M = 0.05  # what is nearer to the sensor than this is behind it
+_IN_FRONT_M = 0.3  # a box that reaches nearer has no bounds in the image
 _STEEP = 0.15  # a surface that a ray meets at less than this sine has no certain continuation
 EXPLAINED, OCCLUDED, VIOLATED, UNKNOWN, OVERRUN, FILLED, EMPTY, CLOSE = range(8)
 """Places of the areas in what `compare` returns."""
+
+
+@nb.njit(cache=True)
+def image_window(
+    box_corners: FloatArray,
+    T_sensor_model: FloatArray,
+    camera: FloatArray,
+    height: int,
+    width: int,
+    reach_m: float,
+) -> NDArray[np.int64]:
+    """The part of an image that shows a model and a little around it.
+
+    Args:
+        box_corners: `(8, 3)`; of the box around the model, in its frame.
+        T_sensor_model: `(4, 4)`; takes points of the model's frame to the sensor's.
+        camera: `(4,)`; fx, fy, cx, cy in pixels.
+        height: of the image.
+        width: of the image.
+        reach_m: so much around the model is looked at.
+
+    Returns:
+        `(4,)`; first row, row behind the last, first column, column behind the last; all 0 if the
+        image does not show it.
+    """
+    T = T_sensor_model
+    u_low = v_low = nearest = np.inf
+    u_high = v_high = farthest = -np.inf
+    for k in range(8):
+        x, y, z = box_corners[k, 0], box_corners[k, 1], box_corners[k, 2]
+        a = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+        b = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+        c = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        nearest, farthest = min(nearest, c), max(farthest, c)
+        if c > 0.0:
+            u, v = a / c * camera[0] + camera[2], b / c * camera[1] + camera[3]
+            u_low, u_high = min(u_low, u), max(u_high, u)
+            v_low, v_high = min(v_low, v), max(v_high, v)
+    window = np.zeros(4, dtype=np.int64)
+    if farthest < _IN_FRONT_M:
+        return window
+    top, bottom, left, right = 0, height, 0, width
+    if nearest >= _IN_FRONT_M:
+        margin = reach_m * camera[0] / nearest + 2.0
+        left, right = max(int(np.floor(u_low - margin)), 0), int(np.ceil(u_high + margin)) + 1
+        top, bottom = max(int(np.floor(v_low - margin)), 0), int(np.ceil(v_high + margin)) + 1
+        right, bottom = min(right, width), min(bottom, height)
+    if right - left >= 2 and bottom - top >= 2:
+        window[:] = (top, bottom, left, right)
+    return window
+
+
+@nb.njit(cache=True)
+def in_sensor(vertices: FloatArray, triangles: Indices, T_sensor_model: FloatArray) -> FloatArray:
+    """`(n, 3, 3)`; the corners of a model's triangles in the sensor's frame, metres.
+
+    Args:
+        vertices: `(m, 3)`; in the model's frame.
+        triangles: `(n, 3)`; indices of their vertices.
+        T_sensor_model: `(4, 4)`; takes points of the model's frame to the sensor's.
+    """
+    T = T_sensor_model
+    moved = np.zeros(vertices.shape)
+    for k in range(vertices.shape[0]):
+        x, y, z = vertices[k, 0], vertices[k, 1], vertices[k, 2]
+        for i in range(3):
+            moved[k, i] = T[i, 0] * x + T[i, 1] * y + T[i, 2] * z + T[i, 3]
+    corners = np.zeros((triangles.shape[0], 3, 3))
+    for k in range(triangles.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                corners[k, i, j] = moved[triangles[k, i], j]
+    return corners
 
 
 @nb.njit(cache=True)

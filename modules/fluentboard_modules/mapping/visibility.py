@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +20,8 @@ from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
-from fluentboard_modules.mapping.view_kernels import compare, draw
+from fluentboard_modules.mapping.view_kernels import compare, draw, image_window, in_sensor
 
-_NEAREST_M = 0.3
 _BESIDE_M = 0.01
 _RELIEF_REACH_M = 0.1
 _RELIEF_PIXELS = 20  # of edges and of openings each
@@ -116,23 +114,20 @@ def compare_with_view(
     model: CadModel, T_map_model: Transform, view: DepthView, config: VisibilityConfig
 ) -> Visibility:
     """Looks at a placed model from one view."""
-    T_sensor_model = view.T_sensor_map @ T_map_model
-    window = image_window(model, T_sensor_model, view, config)
-    if window is None:
-        return Visibility()
-    corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
     step = config.pixel_step
-    expected, triangle = draw(corners, view.intrinsics, window, step)
+    drawing = draw_into(model, T_map_model, view, config.overrun_reach_m, step)
+    if drawing is None:
+        return Visibility()
     areas = compare(
-        expected,
-        triangle,
-        corners,
+        drawing.expected,
+        drawing.triangle,
+        drawing.corners,
         view.depth_m,
         view.sigma_m,
         view.intrinsics,
-        window,
+        drawing.window,
         step,
-        T_sensor_model.inverse().matrix,
+        drawing.T_sensor_model.inverse().matrix,
         model.void_corners,
         config.tolerance_m,
         config.tolerance_sigma,
@@ -143,29 +138,54 @@ def compare_with_view(
     return Visibility(*areas.tolist())
 
 
-def image_window(
-    model: CadModel, T_sensor_model: Transform, view: DepthView, config: VisibilityConfig
-) -> NDArray[np.int64] | None:
-    """The part of the image that shows the model and a little around it.
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A model drawn into the part of an image that shows it.
+
+    Attributes:
+        window: `(4,)`; first row, row behind the last, first column, column behind the last.
+        corners: `(n, 3, 3)`; of its triangles in the sensor's frame.
+        expected: `(h, w)`; depth, infinite where it is not.
+        triangle: `(h, w)`; which one is seen, -1 where none is.
+        T_sensor_model: where it was drawn.
+    """
+
+    window: NDArray[np.int64]
+    corners: FloatArray
+    expected: NDArray[np.float32]
+    triangle: NDArray[np.int32]
+    T_sensor_model: Transform
+
+
+def draw_into(
+    model: CadModel,
+    T_map_model: Transform,
+    view: DepthView,
+    reach_m: float,
+    step: int = 1,
+) -> Drawing | None:
+    """Draws a placed model into a view.
+
+    Args:
+        model: what.
+        T_map_model: where it stands.
+        view: the depth image.
+        reach_m: so much around the model belongs to the window.
+        step: every so many pixels.
 
     Returns:
-        First row, row behind the last, first column, column behind the last.
+        None if the view does not show it.
     """
-    points = T_sensor_model.apply(model.box_corners)
-    camera = view.camera
-    nearest = float(points[:, 2].min())
-    if float(points[:, 2].max()) < _NEAREST_M:
+    T_sensor_model = view.T_sensor_map @ T_map_model
+    matrix, camera, intrinsics = T_sensor_model.matrix, view.camera, view.intrinsics
+    window = image_window(
+        model.box_corners, matrix, intrinsics, camera.height, camera.width, reach_m
+    )
+    if window[1] == 0:
         return None
-    if nearest < _NEAREST_M:
-        return np.array([0, camera.height, 0, camera.width])
-    pixels = camera.project(points)
-    margin = config.overrun_reach_m * camera.fx / nearest + 2.0
-    (u_low, v_low), (u_high, v_high) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
-    left, right = max(floor(u_low - margin), 0), min(ceil(u_high + margin) + 1, camera.width)
-    top, bottom = max(floor(v_low - margin), 0), min(ceil(v_high + margin) + 1, camera.height)
-    if right - left < 2 or bottom - top < 2:
-        return None
-    return np.array([top, bottom, left, right])
+    corners = in_sensor(model.mesh.vertices, model.mesh.triangles, matrix)
+    expected, triangle = draw(corners, intrinsics, window, step)
+    return Drawing(window, corners, expected, triangle, T_sensor_model)
 
 
 def front_relief_m(
@@ -183,19 +203,17 @@ def front_relief_m(
     normal_matrix, right_side = 1e-9 * np.eye(4), np.zeros(4)
     counts = np.zeros(2)
     for view in views:
-        T_sensor_model = view.T_sensor_map @ T_map_model
-        window = image_window(model, T_sensor_model, view, config)
-        if window is None:
+        drawing = draw_into(model, T_map_model, view, config.overrun_reach_m)
+        if drawing is None:
             continue
+        window, expected = drawing.window, drawing.expected
         part = slice(window[0], window[1]), slice(window[2], window[3])
         rays, depth = view.rays[part], view.depth_m[part]
-        T_model_sensor = T_sensor_model.inverse()
+        T_model_sensor = drawing.T_sensor_model.inverse()
         origin = T_model_sensor.translation.astype(np.float32)
         directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
         if origin[0] <= front:
             continue
-        corners = T_sensor_model.apply(model.mesh.vertices)[model.mesh.triangles]
-        expected, _ = draw(corners, view.intrinsics, window, 1)
         hit = np.isfinite(expected)
         expected_x = origin[0] + np.where(hit, expected, 0.0) * directions[..., 0]
         measured = origin + depth[..., None] * directions
