@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Generator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -26,6 +27,23 @@ Token = Annotated[
         help="Bearer token, where the board asks for one.",
     ),
 ]
+Frames = Annotated[
+    str,
+    typer.Option(
+        metavar="SOURCE",
+        help="A recording (a folder in 7-Scenes, TUM RGB-D or Open3D layout, a ROS bag), a point "
+        "cloud (.pcd, .ply), a simulated drive (sim:restaurant?seed=7) or live frames "
+        "(http://host:8080/frames/SENSOR).",
+    ),
+]
+Gravity = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Three numbers: the direction things fall in the recording's world frame. "
+        "Default: gravity-direction.txt in the recording, or a world with z up.",
+    ),
+]
 Source = Annotated[
     str,
     typer.Argument(
@@ -39,6 +57,9 @@ Start = Annotated[
         metavar="SECONDS",
         help="Time of the first frame on the board's time axis. Default: the recording's own.",
     ),
+]
+JsonOutput = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the numbers: JSON.")
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log what the worker does.")]
 

@@ -12,6 +12,7 @@ from fluentboard.model.fluent import Fluent
 from fluentboard_modules.command_options import (
     DEFAULT_BOARD,
     Board,
+    JsonOutput,
     Token,
     Verbose,
     log_to_stderr,
@@ -312,9 +313,7 @@ def evaluate_search(
             help="Keep the results of every trial there, and do not run again what is there.",
         ),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The numbers as JSON.")
-    ] = None,
+    output: JsonOutput = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw Figure 5.9 there (PNG).")
     ] = None,
