@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fluentboard.model.geometry import BoundingBox
+import numpy as np
+
+from fluentboard.model.geometry import BoundingBox, Pose
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import FurnitureMapConfig
 from fluentboard_modules.mapping.existence import supported_belief
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
@@ -17,6 +20,7 @@ from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
 
 _INSIDE_M = 0.05
+_SURFACE_M = 0.02  # between the points that stand for a model's surface
 # A backrest alone or a front alone says less than a seat or a board with what belongs to it.
 _ONE_SIDE_MALUS = {"top": 0.0, "front": 15.0, "back": 10.0}
 _EXACT_BONUS = 200.0  # a CAD file that fits says more than the order of the classes
@@ -149,7 +153,7 @@ def with_verdicts(candidate: Candidate, verdicts: tuple[Verdict, ...] | None) ->
             verdict.initial_score,
             verdict.covariance,
             verdict.n_views,
-            verdict.visibility.explained / max(verdict.n_views, 1),
+            verdict.visibility.close / max(verdict.n_views, 1),
         )
         geometry = candidate.geometry
         if verdict.model.is_exact:
@@ -193,11 +197,27 @@ def choose(
     return chosen
 
 
-def explains(piece: Candidate, other: Candidate) -> bool:
-    """Whether a CAD model that fits already accounts for another hypothesis's main plane."""
-    if piece.fit is None or not piece.fit.is_exact:
+def explains(piece: Candidate, other: Candidate, model: CadModel | None) -> bool:
+    """Whether a CAD model that fits already accounts for another hypothesis's main plane.
+
+    Args:
+        piece: that was found.
+        other: the hypothesis.
+        model: the model of the piece, None if it was made up.
+    """
+    if piece.fit is None or not piece.fit.is_exact or not is_inside(other, piece.geometry.box):
         return False
-    return is_inside(other, piece.geometry.box)
+    if model is None or not piece.furniture.has_room_below:
+        return True
+    # Below a top there is room for what is no part of it: chairs, and desks stand around them.
+    return lies_on(other.planes[0].region, model, piece.fit.pose)
+
+
+def lies_on(region: PlanarRegion, model: CadModel, pose: Pose) -> bool:
+    """Whether most of a plane's outline is on the surface of a model that stands somewhere."""
+    outline = pose.to_transform().inverse().apply(region.outline_map())
+    distance, _ = model.tree.query(outline)
+    return bool(np.mean(distance <= _INSIDE_M + _SURFACE_M) > 0.5)
 
 
 def is_inside(candidate: Candidate, box: BoundingBox) -> bool:

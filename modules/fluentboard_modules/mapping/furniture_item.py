@@ -41,7 +41,8 @@ class CadFit:
         initial_score: the score there.
         covariance: `(3, 3)`; of x, y (metres) and yaw (radians) of the pose; map frame.
         n_views: depth images it was compared with.
-        explained_m2: area that it explains, across the view, in the mean of the views.
+        explained_m2: area that it explains, across the view, in the mean of the views; a pixel
+            counts the less the further off it is.
     """
 
     model: str

@@ -25,7 +25,10 @@ Look = Callable[[CadModel, Standing, Candidate], Verdict | None]
 
 
 def with_neighbours(
-    found: Sequence[Candidate], models: Callable[[str], CadModel | None], look: Look
+    found: Sequence[Candidate],
+    models: Callable[[str], CadModel | None],
+    look: Look,
+    on_found: Callable[[Candidate], None] = lambda _: None,
 ) -> list[Candidate]:
     """The pieces found, and those that touch one of them.
 
@@ -33,13 +36,14 @@ def with_neighbours(
         found: pieces with the CAD models that explain them.
         models: the CAD model of a name, None for made-up ones.
         look: judges a model at a place that a found piece suggests.
+        on_found: is told of each further piece.
     """
     pieces = list(found)
     position = 0
     while position < len(pieces) and len(pieces) < _PIECES_MAX:
         piece = pieces[position]
         model = None if piece.fit is None else models(piece.fit.model)
-        if model is not None and _stands_in_rows(model, piece):
+        if model is not None and stands_in_rows(model, piece):
             for standing in places_beside(model, piece):
                 verdict = look(model, standing, piece)
                 if verdict is None or not verdict.is_accepted or verdict.score < _SURE:
@@ -52,12 +56,13 @@ def with_neighbours(
                 ):
                     continue
                 pieces.append(replace(beside, is_in_row=True))
+                on_found(pieces[-1])
                 pieces[position] = piece = replace(piece, is_in_row=True)
         position += 1
     return pieces
 
 
-def _stands_in_rows(model: CadModel, piece: Candidate) -> bool:
+def stands_in_rows(model: CadModel, piece: Candidate) -> bool:
     """Whether pieces of this model come side by side: shelves and rectangular tops, not chairs."""
     if piece.fit is None or piece.furniture.back_planes:
         return False

@@ -144,6 +144,33 @@ def as_multipolygon(shape: object) -> MultiPolygon:
     return MultiPolygon(polygons)
 
 
+def parts_of(region: PlanarRegion, least_m2: float = 0.01) -> list[PlanarRegion]:
+    """The islands of a region that has several: two backs in one plane are two chairs.
+
+    Args:
+        region: in the map frame.
+        least_m2: smaller islands are left out.
+    """
+    islands = [part for part in region.contour.geoms if part.area >= least_m2]
+    if len(region.contour.geoms) < 2:
+        return []
+    found: list[PlanarRegion] = []
+    for island in islands:
+        x, y = island.centroid.x, island.centroid.y
+        shift = Transform.from_parts(np.eye(3), np.array([x, y, 0.0]))
+        moved = affine_transform(island, [1, 0, 0, 1, -x, -y])
+        share = island.area / max(region.area_m2, 1e-9)
+        found.append(
+            replace(
+                region,
+                T_map_region=region.T_map_region @ shift,
+                contour=as_multipolygon(moved),
+                n_points=round(share * region.n_points),
+            )
+        )
+    return found
+
+
 def contour_gap_m(a: PlanarRegion, b: PlanarRegion) -> float:
     """Distance between two contours, both seen along the normal of the first, metres."""
     T_a_b = a.T_map_region.inverse() @ b.T_map_region

@@ -117,8 +117,9 @@ class FurnitureClass:
         symmetry_order: how many turns about the vertical look alike.
         priority: of two hypotheses for the same plane, the higher is preferred.
         typical_depth_m: from back to front, for what is hidden; 0 if the ontology does not say.
-        front_planes: labels of a main plane that is its front, facing whoever uses it.
+        front_planes: labels of a plane that is its front, facing whoever uses it, or part of it.
         has_room_below: whether chairs may stand below it.
+        side_planes: labels of a plane that is its left or its right side.
     """
 
     name: str
@@ -129,6 +130,12 @@ class FurnitureClass:
     typical_depth_m: float = 0.0
     front_planes: tuple[str, ...] = ()
     has_room_below: bool = False
+    side_planes: tuple[str, ...] = ()
+
+    @property
+    def part_planes(self) -> tuple[str, ...]:
+        """Labels of which one plane alone is a reason to try a CAD model; the best reason first."""
+        return tuple(dict.fromkeys((*self.main_planes, *self.back_planes, *self.front_planes)))
 
 
 @dataclass(frozen=True, slots=True)

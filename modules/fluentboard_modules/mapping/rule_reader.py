@@ -129,6 +129,7 @@ def _furniture(
             priority=_number(graph, node, FURNITURE.priority, 0.0),
             typical_depth_m=_number(graph, node, FURNITURE.typicalDepth, 0.0),
             front_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.frontPlane))),
+            side_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.sidePlane))),
             has_room_below=str(graph.value(node, FURNITURE.hasRoomBelow)) in ("true", "1"),
         )
     return furniture

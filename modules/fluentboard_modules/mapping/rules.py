@@ -40,7 +40,7 @@ from fluentboard_ontology import read
 _SAME_COSINE, _SAME_PLANE_M = 0.99, 0.08
 _WALL_M2 = 0.4  # no backrest is larger
 # A level plane may be a part of a model's top from so much of it on.
-_PART_SHARE, _PART_M2, _TOP_REACH_M = 0.03, 0.03, 0.05
+_PART_SHARE, _PART_M2, _TOP_REACH_M = 0.015, 0.012, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ def partial_hypotheses(
     }
     found: list[FurnitureHypothesis] = []
     for plane, labels in enumerate(classification.labels):
-        wanted = [n for n in (*furniture.main_planes, *furniture.back_planes) if n in labels]
+        wanted = [n for n in furniture.part_planes if n in labels]
         is_plain = not furniture.front_planes and not furniture.back_planes
         if not wanted and is_plain and "HorizontalPlane" in labels:
             # The rule asks for more of a top than is seen of this one.

@@ -19,16 +19,27 @@ from fluentboard_modules.mapping.candidates import (
 )
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.depth_views import DepthView
-from fluentboard_modules.mapping.neighbours import with_neighbours
-from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.furniture_item import box_overlap
+from fluentboard_modules.mapping.level_strips import common_headings, level_strips
+from fluentboard_modules.mapping.neighbours import stands_in_rows, with_neighbours
+from fluentboard_modules.mapping.planar_region import PlanarRegion, parts_of
+from fluentboard_modules.mapping.remainder import Remainder
+from fluentboard_modules.mapping.room_walls import is_in_wall, room_walls, without_walls
+from fluentboard_modules.mapping.row_splitting import best_pair
+from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import (
+    Classification,
     FurnitureHypothesis,
     FurnitureRules,
+    PlaneInRole,
     partial_hypotheses,
 )
+from fluentboard_modules.mapping.side_fronts import fronts_beside
 from fluentboard_modules.mapping.verify import Verdict, verify, verify_at
 
 _MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
+_TOUCHING = 0.15  # of the footprint
+_SURE = 0.85  # no rule of the class has hinted at it, so the images must say more
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +74,8 @@ def find_furniture(
     """Classifies planes once and verifies every hypothesis.
 
     Whole definitions come first. Then single planes are tried with the class's CAD models, as far
-    as nothing that was found explains them; and then the places beside what was found.
+    as nothing that was found explains them; and then the places beside what was found. Each step
+    has to explain what those before it left over of the images.
 
     Args:
         regions: planar regions of a frame or of a registered scene, map frame.
@@ -73,56 +85,234 @@ def find_furniture(
         config: of all steps.
         floor: from where heights count; by default from z = 0.
     """
+    search = _Search(regions, views, rules, library, config, floor)
     classification = rules.classify(regions, floor=floor, explain=False)
-    judged: list[Judged] = []
+    whole = search.judge(classification.hypotheses)
+    parts = search.parts(classification)
+    partial = search.judge_parts(parts, choose(whole, set(), config.furniture))
+    chosen = choose([*whole, *partial], set(), config.furniture)
+    chosen = search.fill_rows(search.split_rows(chosen))
+    strips = search.judge_parts(search.strips(chosen), chosen)
+    if strips:
+        more = search.split_rows(choose([*chosen, *strips], set(), config.furniture))
+        chosen = choose(search.fill_rows(more), set(), config.furniture)
+    return SceneFindings(tuple(chosen), tuple(search.judged))
 
-    def judge(
-        hypotheses: Sequence[FurnitureHypothesis],
-        found: Sequence[Candidate] = (),
-        is_partial: bool = False,
+
+class _Search:
+    """The steps of a search for furniture, and what was judged in them."""
+
+    def __init__(
+        self,
+        regions: Sequence[PlanarRegion],
+        views: Sequence[DepthView],
+        rules: FurnitureRules,
+        library: CadLibrary,
+        config: MappingConfig,
+        floor: Plane | None,
+    ) -> None:
+        self._floor = floor
+        self._regions = list(regions)
+        self._walls = room_walls(regions, views)
+        self._views = without_walls(views, self._walls)
+        self._rules, self._library, self._config = rules, library, config
+        self.judged: list[Judged] = []
+
+    def judge(self, hypotheses: Sequence[FurnitureHypothesis]) -> list[Candidate]:
+        """The hypotheses that the images agree with, each by itself."""
+        return [
+            found
+            for hypothesis in hypotheses
+            for found in self._verified(self._placed(hypothesis), self._views)
+        ]
+
+    def parts(self, classification: Classification) -> list[FurnitureHypothesis]:
+        """What single planes say, the largest first: planes, parts of planes, and sides."""
+        planes = list(self._regions)
+        found: list[FurnitureHypothesis] = []
+        islands = [part for region in planes for part in parts_of(region)]
+        self._regions += islands
+        labels = self._rules.classify(islands, floor=self._floor, explain=False)
+        for furniture in self._rules.furniture_classes:
+            models = self._library.of_class(furniture.name)
+            if not models:
+                continue
+            found += partial_hypotheses(classification, furniture, planes, models)
+            of_islands = partial_hypotheses(labels, furniture, islands, models)
+            found += [_moved_by(len(planes), one) for one in of_islands]
+            for region, names in zip(planes, classification.labels, strict=True):
+                side = next((n for n in furniture.side_planes if n in names), None)
+                if side is None:
+                    continue
+                for front in (f for model in models for f in fronts_beside(region, model)):
+                    found.append(self._about(front, furniture, furniture.front_planes[0]))
+        found.sort(key=lambda part: -self._regions[part.main_plane].area_m2)
+        return found
+
+    def strips(self, found: Sequence[Candidate]) -> list[FurnitureHypothesis]:
+        """What may be the top of a model that is in sight as a sliver only."""
+        rest = self._rest_of(found)
+        headings = common_headings(self._regions)
+        hypotheses: list[FurnitureHypothesis] = []
+        for furniture in self._rules.furniture_classes:
+            if furniture.back_planes or furniture.front_planes:
+                continue
+            own = [
+                p.fit.pose.yaw_rad for p in found if p.fit and p.furniture.name == furniture.name
+            ]
+            tops = {
+                round(float(m.mesh.bounds[1, 2]), 2) for m in self._library.of_class(furniture.name)
+            }
+            for top_m in sorted(tops):
+                hypotheses += [
+                    self._about(strip, furniture, furniture.main_planes[0])
+                    for strip in level_strips(rest.views, top_m, own[:1] or headings)
+                ]
+        return hypotheses
+
+    def _about(
+        self, region: PlanarRegion, furniture: FurnitureClass, label: str
+    ) -> FurnitureHypothesis:
+        """A hypothesis about a region that no rule has labelled."""
+        self._regions.append(region)
+        plane = len(self._regions) - 1
+        return FurnitureHypothesis(
+            furniture.name, plane, (PlaneInRole(plane, label),), (), furniture.priority, label
+        )
+
+    def judge_parts(
+        self, hypotheses: Sequence[FurnitureHypothesis], found: Sequence[Candidate]
     ) -> list[Candidate]:
+        """Those that explain a plane which no other piece does."""
+        rest = self._rest_of(found)
         candidates: list[Candidate] = []
         for hypothesis in hypotheses:
-            candidate = place_candidate(
-                hypothesis,
-                rules.rules.furniture[hypothesis.class_name],
-                range(len(regions)),
-                regions,
-                dict.fromkeys(range(len(regions)), _MANY_FRAMES),
-                1.0,
-                config.furniture,
-            )
-            if is_partial and any(explains(piece, candidate) for piece in (*found, *candidates)):
+            candidate = self._placed(hypothesis)
+            furniture = candidate.furniture
+            named = (*furniture.main_planes, *furniture.back_planes)
+            if any(
+                explains(piece, candidate, self._model_of(piece)) for piece in (*found, *candidates)
+            ):
                 continue
-            case = case_of(candidate)
-            verdicts = verify(
-                case.class_name, case.geometry, case.parts, views, library, config.verification
-            )
-            judged.extend(Judged(candidate, verdict) for verdict in verdicts)
-            candidates += with_verdicts(candidate, verdicts)
+            least = 0.0 if hypothesis.rules and hypothesis.main_label in named else _SURE
+            candidates += [
+                one
+                for one in self._verified(candidate, rest.views)
+                if one.fit is not None and one.fit.score >= least
+            ]
         return candidates
 
-    whole = judge(classification.hypotheses)
-    parts = [
-        hypothesis
-        for furniture in rules.furniture_classes
-        if library.of_class(furniture.name)
-        for hypothesis in partial_hypotheses(
-            classification, furniture, regions, library.of_class(furniture.name)
-        )
-    ]
-    parts.sort(key=lambda part: -regions[part.main_plane].area_m2)
-    partial = judge(parts, choose(whole, set(), config.furniture), is_partial=True)
+    def split_rows(self, pieces: Sequence[Candidate]) -> list[Candidate]:
+        """The pieces, two instead of one where that explains the images better."""
+        kept = list(pieces)
+        for piece in pieces:
+            model = self._model_of(piece)
+            if model is None or piece.fit is None or not stands_in_rows(model, piece):
+                continue
+            others = [other for other in kept if other is not piece]
+            rest = self._rest_of(others)
+            pose = piece.fit.pose
+            pair = best_pair(
+                model,
+                Standing(pose.x, pose.y, pose.yaw_rad),
+                rest.views,
+                self._config.verification.visibility,
+                is_deep=not piece.furniture.front_planes,
+            )
+            if pair is None:
+                continue
+            two: list[Candidate] = []
+            for k, standing in enumerate(pair):
+                alone = rest.copy()
+                alone.take(model, pair[1 - k], is_filled=_is_filled(piece))
+                verdict = self._look(model, standing, piece, alone.views)
+                if verdict is not None and verdict.is_accepted:
+                    two += with_verdicts(piece, (verdict,))
+            if len(two) == 2 and not any(
+                _touch(a, b) for a in two for b in others if b.furniture.name == a.furniture.name
+            ):
+                kept = [*others, *(replace(one, is_in_row=True) for one in two)]
+        return kept
 
-    def look(model: CadModel, standing: Standing, piece: Candidate) -> Verdict | None:
+    def fill_rows(self, pieces: Sequence[Candidate]) -> list[Candidate]:
+        """The pieces and those that stand beside them."""
+        rest = self._rest_of(pieces)
+        return with_neighbours(
+            pieces,
+            self._library.named,
+            lambda model, standing, piece: self._look(model, standing, piece, rest.views),
+            lambda piece: self._take(rest, piece),
+        )
+
+    def _placed(self, hypothesis: FurnitureHypothesis) -> Candidate:
+        n_regions = len(self._regions)
+        return place_candidate(
+            hypothesis,
+            self._rules.rules.furniture[hypothesis.class_name],
+            range(n_regions),
+            self._regions,
+            dict.fromkeys(range(n_regions), _MANY_FRAMES),
+            1.0,
+            self._config.furniture,
+        )
+
+    def _verified(self, candidate: Candidate, views: Sequence[DepthView]) -> list[Candidate]:
+        case = case_of(candidate)
+        verdicts = verify(
+            case.class_name,
+            case.geometry,
+            case.parts,
+            views,
+            self._library,
+            self._config.verification,
+        )
+        self.judged.extend(Judged(candidate, verdict) for verdict in verdicts)
+        return [
+            found
+            for found in with_verdicts(candidate, verdicts)
+            # The back of a shelf looks like a wall.
+            if found.furniture.front_planes or not is_in_wall(found.geometry.box, self._walls)
+        ]
+
+    def _look(
+        self, model: CadModel, standing: Standing, piece: Candidate, views: Sequence[DepthView]
+    ) -> Verdict | None:
+        """Judges a model at a place that a piece suggests."""
         geometry = piece.geometry
         if piece.furniture.front_planes:  # a front is only known by its relief
             geometry = replace(geometry, main_side="front")
-        verdict = verify_at(model, standing, geometry, views, config.verification)
+        verdict = verify_at(model, standing, geometry, views, self._config.verification)
         if verdict is not None:
-            judged.append(Judged(piece, verdict))
+            self.judged.append(Judged(piece, verdict))
         return verdict
 
-    chosen = choose([*whole, *partial], set(), config.furniture)
-    rows = with_neighbours(chosen, library.named, look)
-    return SceneFindings(tuple(choose(rows, set(), config.furniture)), tuple(judged))
+    def _rest_of(self, pieces: Sequence[Candidate]) -> Remainder:
+        rest = Remainder(self._views, self._config.verification.visibility)
+        for piece in pieces:
+            self._take(rest, piece)
+        return rest
+
+    def _take(self, rest: Remainder, piece: Candidate) -> None:
+        model = self._model_of(piece)
+        if model is not None and piece.fit is not None:
+            pose = piece.fit.pose
+            standing = Standing(pose.x, pose.y, pose.yaw_rad)
+            rest.take(model, standing, is_filled=_is_filled(piece))
+
+    def _model_of(self, piece: Candidate) -> CadModel | None:
+        return None if piece.fit is None else self._library.named(piece.fit.model)
+
+
+def _moved_by(first: int, hypothesis: FurnitureHypothesis) -> FurnitureHypothesis:
+    """The same hypothesis if its planes come behind so many others."""
+    planes = tuple(PlaneInRole(part.plane + first, part.label) for part in hypothesis.planes)
+    return replace(hypothesis, main_plane=hypothesis.main_plane + first, planes=planes)
+
+
+def _is_filled(piece: Candidate) -> bool:
+    """Whether what is within its box belongs to it: the books in a shelf do."""
+    return bool(piece.furniture.front_planes)
+
+
+def _touch(a: Candidate, b: Candidate) -> bool:
+    return box_overlap(a.geometry.box, b.geometry.box) > _TOUCHING

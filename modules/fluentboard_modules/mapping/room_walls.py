@@ -1,0 +1,108 @@
+"""Walls: upright planes behind which nothing is seen. They are no furniture and hold none.
+
+A shelf fits a piece of wall beside a door, and a chair's back fits the door, if nothing says that
+the piece would stand in the wall. So the walls are moved back in the images: then nothing in the
+room is explained by them, and what reaches into them is contradicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from shapely.geometry import LineString, Polygon
+
+from fluentboard.model.geometry import BoundingBox
+from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.planar_region import PlanarRegion
+
+_UPRIGHT = 0.15
+_LEAST_M2 = 0.2
+_CERTAIN_M2 = 0.6  # smaller ones may be the back of a shelf
+_INTO_M, _ACROSS_M = 0.1, 0.1  # poses are wrong by so much; so much of a wall runs through a piece
+_BEHIND_M, _BEHIND_SIGMAS = 0.08, 3.0
+_BEHIND_SHARE = 0.005  # noise; gaps between and above the books of a shelf are more of an image
+_ON_M, _ON_SIGMAS = 0.015, 1.5
+_AROUND_M = 0.4  # further along a plane that is slightly turned, it is somewhere else
+_BACK_M = 20.0  # so far that nothing in the room is near
+_VIEWS_MAX = 60
+
+
+def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> list[PlanarRegion]:
+    """Those of the regions that are walls.
+
+    Args:
+        regions: planar regions in the map frame.
+        views: depth images; all of a single look, or of a whole room.
+    """
+    upright = [
+        region
+        for region in regions
+        if abs(float(region.normal[2])) < _UPRIGHT and region.area_m2 >= _LEAST_M2
+    ]
+    chosen = views[:: max(1, -(-len(views) // _VIEWS_MAX))]
+    total = sum(len(view.points_map) for view in chosen)
+    walls: list[PlanarRegion] = []
+    for region in upright:
+        plane = np.append(region.normal, float(region.normal @ region.centroid))
+        behind = 0
+        for view in chosen:
+            sigma = view.sigma_m[view.depth_m > 0.0]
+            limit = np.maximum(_BEHIND_M, _BEHIND_SIGMAS * sigma)
+            behind += int(np.count_nonzero(view.points_map @ plane[:3] - plane[3] < -limit))
+        if behind < _BEHIND_SHARE * total:
+            walls.append(region)
+    return walls
+
+
+def is_in_wall(piece: BoundingBox, walls: Sequence[PlanarRegion]) -> bool:
+    """Whether a wall runs through the room that a piece takes up or hides its middle, from above.
+
+    Args:
+        piece: upright box in the map frame.
+        walls: from `room_walls`.
+    """
+    inner = Polygon(piece.corners()[[0, 2, 6, 4], :2]).buffer(-_INTO_M)
+    middle = (piece.pose.x, piece.pose.y)
+    for wall in walls:
+        low, _, high, _ = wall.contour.bounds
+        ends = wall.T_map_region.apply(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]]))
+        line = LineString(ends[:, :2])
+        crosses = line.intersection(inner).length > _ACROSS_M
+        depth = float(wall.normal[:2] @ (np.array(middle) - wall.centroid[:2]))
+        sight = LineString([wall.sensor_position[:2], middle])
+        is_hidden = depth < -_INTO_M and line.intersects(sight)
+        if crosses or is_hidden:
+            return True
+    return False
+
+
+def without_walls(views: Sequence[DepthView], walls: Sequence[PlanarRegion]) -> list[DepthView]:
+    """The images with the certain ones of the walls moved back."""
+    certain = [wall for wall in walls if wall.area_m2 >= _CERTAIN_M2]
+    if not certain:
+        return list(views)
+    return [_moved_back(view, certain) for view in views]
+
+
+def _moved_back(view: DepthView, walls: Sequence[PlanarRegion]) -> DepthView:
+    seen = view.depth_m > 0.0
+    points = view.points_map
+    near = np.maximum(_ON_M, _ON_SIGMAS * view.sigma_m[seen])
+    is_wall = np.zeros(len(points), dtype=np.bool_)
+    for wall in walls:
+        local = wall.T_map_region.inverse().apply(points)
+        x_low, y_low, x_high, y_high = wall.contour.bounds
+        is_wall |= (
+            (np.abs(local[:, 2]) < near)
+            & (local[:, 0] > x_low - _AROUND_M)
+            & (local[:, 0] < x_high + _AROUND_M)
+            & (local[:, 1] > y_low - _AROUND_M)
+            & (local[:, 1] < y_high + _AROUND_M)
+        )
+    if not is_wall.any():
+        return view
+    depth = view.depth_m.copy()
+    depth[seen] += np.where(is_wall, np.float32(_BACK_M), np.float32(0.0))
+    return replace(view, depth_m=depth)
