@@ -13,14 +13,18 @@ from typing import Any
 import numba
 import numpy as np
 
-from fluentboard_modules.search.ray_kernels import along_axis, cells_to_border, next_cell
+from fluentboard_modules.search.ray_kernels import (
+    along_axis,
+    end_of_block,
+    enter_block,
+    next_cell,
+)
 
 HIT, UNKNOWN_MET, OUT_OF_RANGE = 1, 2, 3
 NOTHING, ANYTHING = -1, -2
 """Instead of a block's number: a ray passes, and a ray stops at once."""
 
 _jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
-_written_out: Any = numba.njit(inline="always", error_model="numpy")
 
 
 @_jit
@@ -101,9 +105,9 @@ def cast(
         z, sz, tz, dz, iz = along_axis(oz, uz, resolution, per_metre)
         # The same for blocks as for cells.
         bx, by, bz = x >> 3, y >> 3, z >> 3
-        ex = _end_of_block(x, sx, tx, dx)
-        ey = _end_of_block(y, sy, ty, dy)
-        ez = _end_of_block(z, sz, tz, dz)
+        ex = end_of_block(x, sx, tx, dx)
+        ey = end_of_block(y, sy, ty, dy)
+        ez = end_of_block(z, sz, tz, dz)
         travelled = 0.0
         found = OUT_OF_RANGE
         i = j = k = 0
@@ -112,9 +116,9 @@ def cast(
             px, py, pz = np.uint64(bx - lx), np.uint64(by - ly), np.uint64(bz - lz)
             met = meetings[px, py, pz] if (px < nx) & (py < ny) & (pz < nz) else outside
             if met != NOTHING or travelled > max_range:
-                i, cx = _cell_in_block(bx, travelled, x, sx, tx, dx, ix)
-                j, cy = _cell_in_block(by, travelled, y, sy, ty, dy, iy)
-                k, cz = _cell_in_block(bz, travelled, z, sz, tz, dz, iz)
+                i, cx = enter_block(bx, travelled, x, sx, tx, dx, ix)
+                j, cy = enter_block(by, travelled, y, sy, ty, dy, iy)
+                k, cz = enter_block(bz, travelled, z, sz, tz, dz, iz)
                 if travelled > max_range:
                     break
                 if met == ANYTHING:
@@ -139,23 +143,3 @@ def cast(
         lengths[n] = travelled
         outcome[n] = found
     return -1
-
-
-@_written_out
-def _end_of_block(cell: int, step: int, border: float, length: float) -> float:
-    """Way to the border of the block along one axis; see `along_axis`."""
-    return np.inf if step == 0 else border + (cells_to_border(cell, step) - 1) * length
-
-
-@_written_out
-def _cell_in_block(
-    block: int, travelled: float, cell: int, step: int, border: float, length: float,
-    per_length: float,
-) -> Any:  # fmt: skip
-    """Where a ray is in a block that it enters, 0 to 7, and the way to the next border, on an axis.
-
-    Rounding must not put it into another block.
-    """
-    passed = 0 if travelled < border else int((travelled - border) * per_length) + 1
-    now = min(max(cell + step * passed, 8 * block), 8 * block + 7)
-    return now & 7, (np.inf if step == 0 else border + abs(now - cell) * length)

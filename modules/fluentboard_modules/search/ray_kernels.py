@@ -2,8 +2,10 @@
 
 A ray is where it is, cell `(x, y, z)`; the lengths to the next border along each axis,
 `(tx, ty, tz)`; the signs of its steps; and the lengths `(dx, dy, dz)` from border to border with
-their inverses. All functions here are written out at their place of use: they are the inner loops
-of who casts rays and of who asks what a view reveals.
+their inverses. It goes from block to block by the same steps, and from cell to cell in those blocks
+only that have something for it. All functions here are written out at their place of use: they are
+the inner loops of who casts rays and of who asks what a view reveals. (`look_kernels` walks many
+rays at a time, in vector instructions, and in OctoMap's arithmetic.)
 """
 
 from __future__ import annotations
@@ -51,31 +53,23 @@ def next_cell(
 
 
 @_written_out
-def next_block(
-    x: int, y: int, z: int, sx: int, sy: int, sz: int, tx: float, ty: float, tz: float,
-    dx: float, dy: float, dz: float, ix: float, iy: float, iz: float,
+def end_of_block(cell: int, step: int, border: float, length: float) -> float:
+    """Way to the border of a block of 8 x 8 x 8 cells along one axis; see `along_axis`."""
+    return np.inf if step == 0 else border + (cells_to_border(cell, step) - 1) * length
+
+
+@_written_out
+def enter_block(
+    block: int, travelled: float, cell: int, step: int, border: float, length: float,
+    per_length: float,
 ) -> Any:  # fmt: skip
-    """The first cell outside of this block of 8 x 8 x 8 cells, as `next_cell` has it."""
-    nx = cells_to_border(x, sx)
-    ny = cells_to_border(y, sy)
-    nz = cells_to_border(z, sz)
-    ex = tx + (nx - 1) * dx if sx != 0 else np.inf
-    ey = ty + (ny - 1) * dy if sy != 0 else np.inf
-    ez = tz + (nz - 1) * dz if sz != 0 else np.inf
-    at = min(ex, ey, ez)
-    kx = nx if ex == at else (0 if at < tx else int((at - tx) * ix) + 1)
-    ky = ny if ey == at else (0 if at < ty else int((at - ty) * iy) + 1)
-    kz = nz if ez == at else (0 if at < tz else int((at - tz) * iz) + 1)
-    # Along an axis that the ray does not move on, there is nothing to add to infinity.
-    return (
-        x + sx * kx,
-        y + sy * ky,
-        z + sz * kz,
-        tx + kx * dx if kx > 0 else tx,
-        ty + ky * dy if ky > 0 else ty,
-        tz + kz * dz if kz > 0 else tz,
-        at,
-    )
+    """Where a ray is in a block that it enters, 0 to 7, and the way to the next border, on an axis.
+
+    Rounding must not put it into another block.
+    """
+    passed = 0 if travelled < border else int((travelled - border) * per_length) + 1
+    now = min(max(cell + step * passed, 8 * block), 8 * block + 7)
+    return now & 7, (np.inf if step == 0 else border + abs(now - cell) * length)
 
 
 @_jit

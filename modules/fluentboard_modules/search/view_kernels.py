@@ -13,7 +13,12 @@ from fluentboard_modules.search.occupancy_kernels import (
     cell_in_block,
 )
 from fluentboard_modules.search.plan_kernels import uniform
-from fluentboard_modules.search.ray_kernels import along_axis, next_block, next_cell
+from fluentboard_modules.search.ray_kernels import (
+    along_axis,
+    end_of_block,
+    enter_block,
+    next_cell,
+)
 
 _jit: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
 
@@ -242,7 +247,9 @@ def reveal(
     count = 0
     ox, oy, oz = origin[0], origin[1], origin[2]
     per_metre = 1.0 / resolution
-    limited = unknown_max < 1_000_000
+    solid_max = _STOPS_AFTER * resolution
+    # Where there is nothing to stop at and nothing to see, a ray leaves the block at once.
+    stops_in = OCCUPIED_BIT | WANTED_BIT | (UNKNOWN_BIT if unknown_max < 1_000_000 else 0)
     for r in range(rays.shape[0]):
         ux = rotation[0, 0] * rays[r, 0] + rotation[0, 1] * rays[r, 1] + rotation[0, 2] * rays[r, 2]
         uy = rotation[1, 0] * rays[r, 0] + rotation[1, 1] * rays[r, 1] + rotation[1, 2] * rays[r, 2]
@@ -254,40 +261,41 @@ def reveal(
         y, sy, ty, dy, iy = along_axis(oy, uy, resolution, per_metre)
         z, sz, tz, dz, iz = along_axis(oz, uz, resolution, per_metre)
         bx, by, bz = x >> 3, y >> 3, z >> 3
-        b = block_at(directory, low, bx, by, bz)
+        ex = end_of_block(x, sx, tx, dx)
+        ey = end_of_block(y, sy, ty, dy)
+        ez = end_of_block(z, sz, tz, dz)
         travelled = 0.0
         passed = 0
         solid = 0.0
         while travelled <= reach:
+            b = block_at(directory, low, bx, by, bz)
             inside = UNKNOWN_BIT if b < 0 else content[b]
-            if inside & (OCCUPIED_BIT | WANTED_BIT) == 0 and not (limited and inside & UNKNOWN_BIT):
-                # Nothing to stop at and nothing to see: leave the block at once.
-                x, y, z, tx, ty, tz, travelled = next_block(
-                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz, ix, iy, iz
-                )
-            else:
-                if b >= 0:
-                    c = cell_in_block(x, y, z)
-                    value = log_odds[b, c]
-                    number = numbers[b, c]
-                    if number >= 0 and travelled >= range_min and stamp[number] != mark:
-                        stamp[number] = mark
-                        out[count] = number
-                        count += 1
+            if inside & stops_in != 0:
+                i, cx = enter_block(bx, travelled, x, sx, tx, dx, ix)
+                j, cy = enter_block(by, travelled, y, sy, ty, dy, iy)
+                k, cz = enter_block(bz, travelled, z, sz, tz, dz, iz)
+                while (i | j | k) & ~7 == 0 and travelled <= reach:
+                    value = np.float32(np.nan)
+                    if b >= 0:
+                        c = np.uint64((i << 6) | (j << 3) | k)
+                        value = log_odds[np.uint64(b), c]
+                        number = numbers[np.uint64(b), c]
+                        if number >= 0 and travelled >= range_min and stamp[number] != mark:
+                            stamp[number] = mark
+                            out[count] = number
+                            count += 1
                     if value >= 0.0:
-                        solid += min(tx, ty, tz) - travelled
-                        if solid >= _STOPS_AFTER * resolution:
-                            break
-                    if value != value:
+                        solid += min(cx, cy, cz) - travelled
+                    elif value != value:
                         passed += 1
-                else:
-                    passed += 1
-                if passed > unknown_max:
+                    if solid >= solid_max or passed > unknown_max:
+                        break
+                    i, j, k, cx, cy, cz, travelled = next_cell(
+                        i, j, k, sx, sy, sz, cx, cy, cz, dx, dy, dz
+                    )
+                if solid >= solid_max or passed > unknown_max:
                     break
-                x, y, z, tx, ty, tz, travelled = next_cell(
-                    x, y, z, sx, sy, sz, tx, ty, tz, dx, dy, dz
-                )
-            if x >> 3 != bx or y >> 3 != by or z >> 3 != bz:
-                bx, by, bz = x >> 3, y >> 3, z >> 3
-                b = block_at(directory, low, bx, by, bz)
+            bx, by, bz, ex, ey, ez, travelled = next_cell(
+                bx, by, bz, sx, sy, sz, ex, ey, ez, 8.0 * dx, 8.0 * dy, 8.0 * dz
+            )
     return count
