@@ -11,27 +11,9 @@ import pytest
 
 from fluentboard_modules.demo.service_process import ServiceProcess
 
-FLOOR_AREAS = """
-SELECT DISTINCT ?area WHERE
-{
-  ?area rdf:type ?type .
-  ?type rdfs:subClassOf* upper:Area .
-  ?area upper:hasBoundingBox ?bbox .
-  ?bbox upper:hasPose ?pose .
-  ?pose upper:hasZ "0.0"^^xsd:float .
-}
-"""
-OBJECTS = """
-SELECT DISTINCT ?instance WHERE
-{
-  ?instance upper:hasBoundingBox ?any .
-  ?instance a ?subclass .
-  {
-    {?subclass rdfs:subClassOf+ race:Kitchenware}
-    UNION {?subclass rdfs:subClassOf+ race:PersonalItem}
-  }
-}
-"""
+GOLDEN = Path(__file__).parents[1] / "golden"
+FLOOR_AREAS = (GOLDEN / "query_2_3.rq").read_text(encoding="utf-8")
+OBJECTS = (GOLDEN / "query_4_2_4.rq").read_text(encoding="utf-8")
 FLUENT = "https://w3id.org/fluentboard/fluent/"
 
 # Name, class, height of the bounding box; those on the floor are what the first query asks for.

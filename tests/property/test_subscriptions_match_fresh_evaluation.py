@@ -8,6 +8,7 @@ from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -38,118 +39,11 @@ from fluentboard.errors import IntervalReversed, NotARefinement, UnknownFluent
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.interval import UNKNOWN, Interval
 
-FLOOR_AREAS = """
-SELECT DISTINCT ?area WHERE
-{
-  ?area rdf:type ?type .
-  ?type rdfs:subClassOf* upper:Area .
-  ?area upper:hasBoundingBox ?bbox .
-  ?bbox upper:hasPose ?pose .
-  ?pose upper:hasZ "0.0"^^xsd:float .
-}"""
-ANCHORING_OBJECTS = """
-SELECT DISTINCT ?instance WHERE
-{
-  ?instance upper:hasBoundingBox ?any .
-  ?instance a ?subclass .
-  {
-    {?subclass rdfs:subClassOf+ race:Kitchenware}
-    UNION {?subclass rdfs:subClassOf+ race:PersonalItem}
-  }
-}"""
-
-QUERIES = {
-    "thesis, floor areas": FLOOR_AREAS,
-    "thesis, anchoring objects": ANCHORING_OBJECTS,
-    "one class": "SELECT ?x { ?x a race:Mug }",
-    "star": "SELECT ?x ?t { ?x a race:Mug ; upper:onTop ?t ; upper:weight ?w }",
-    "star on a constant": "SELECT ?x { ?x a race:Mug ; upper:onTop fluent:Table0 }",
-    "star without its subject": "SELECT ?t { ?x a race:Mug ; upper:onTop ?t }",
-    "star, distinct": "SELECT DISTINCT ?x { ?x upper:onTop ?t ; upper:label ?l }",
-    "star, distinct, without its subject": "SELECT DISTINCT ?t { ?x upper:onTop ?t }",
-    "one value for two": "SELECT ?x { ?x upper:onTop ?same ; upper:near ?same }",
-    "number by value": 'SELECT ?x { ?x upper:weight "1.0"^^xsd:float ; upper:label "b" }',
-    "constant subject": "SELECT ?p ?o { fluent:Mug0 ?p ?o }",
-    "constant subject, named properties": "SELECT ?t { fluent:Mug0 upper:onTop ?t ; a ?c }",
-    "anything about": "SELECT ?x ?p { ?x ?p fluent:Table1 }",
-    "everything": "SELECT ?p (COUNT(*) AS ?n) { ?s ?p ?o } GROUP BY ?p",
-    "class closure by path": "SELECT ?x { ?x rdf:type/rdfs:subClassOf* race:Kitchenware }",
-    "class closure, subject property": (
-        "SELECT ?x ?c { ?x a ?c ; upper:onTop ?t . ?c rdfs:subClassOf+ upper:PhysicalEntity }"
-    ),
-    "filter": "SELECT ?x ?w { ?x upper:weight ?w FILTER(?w > 0.5) }",
-    "filter on text": 'SELECT ?x { ?x upper:label ?l FILTER(STRSTARTS(?l, "b")) }',
-    "open fluents": """SELECT ?x { ?x a race:Mug ; upper:hasFinishLatest ?f
-        FILTER(?f = "INF"^^xsd:double) }""",
-    "time": "SELECT ?x ?f { ?x upper:hasFinishEarliest ?f FILTER(?f < 50) }",
-    "optional": "SELECT ?x ?t { ?x a race:Mug OPTIONAL { ?x upper:onTop ?t } }",
-    "optional of another": (
-        "SELECT ?x ?l { ?x upper:onTop ?t OPTIONAL { ?t upper:label ?l FILTER(?l != 'c') } }"
-    ),
-    "optional first": "SELECT ?x ?l { OPTIONAL { ?x a race:Plate } ?x upper:label ?l }",
-    "not exists": "SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { ?x upper:onTop ?t } }",
-    "exists of another": """SELECT ?t { ?t a furniture:Table
-        FILTER EXISTS { ?x upper:onTop ?t } }""",
-    "not exists in not exists": """SELECT ?x { ?x a race:Mug FILTER NOT EXISTS {
-        ?x upper:onTop ?t FILTER NOT EXISTS { ?t upper:label "a" } } }""",
-    "minus": "SELECT ?x { ?x upper:onTop ?t MINUS { ?x upper:weight ?w } }",
-    "minus of another": "SELECT ?x ?t { ?x upper:onTop ?t MINUS { ?t upper:label 'a' } }",
-    "count": "SELECT (COUNT(?x) AS ?n) { ?x a race:Mug }",
-    "group": "SELECT ?t (SUM(?w) AS ?s) { ?x upper:onTop ?t ; upper:weight ?w } GROUP BY ?t",
-    "having": """SELECT ?t (COUNT(DISTINCT ?x) AS ?n) { ?x upper:onTop ?t } GROUP BY ?t
-        HAVING (COUNT(DISTINCT ?x) > 1)""",
-    "path +": "SELECT ?x ?y { ?x upper:near+ ?y }",
-    "path *": "SELECT ?y { fluent:Mug0 upper:near* ?y }",
-    "path * with open ends": "SELECT (COUNT(*) AS ?n) { ?x upper:near* ?y }",
-    "path /^": "SELECT ?x ?y { ?x upper:onTop/^upper:onTop ?y }",
-    "path |": "SELECT ?x ?y { ?x (upper:near|upper:onTop) ?y }",
-    "path !": "SELECT ?x ?y { ?x !(upper:near|rdf:type|^upper:onTop) ?y }",
-    "sub-select": """SELECT ?x ?n { ?x upper:onTop ?t
-        { SELECT ?t (COUNT(*) AS ?n) { ?y upper:onTop ?t } GROUP BY ?t } }""",
-    "limit": "SELECT ?x ?w { ?x upper:weight ?w } ORDER BY DESC(?w) ?x LIMIT 2",
-    "offset": "SELECT ?x { ?x a race:Mug } ORDER BY ?x OFFSET 1",
-    "limit in a sub-select": """SELECT ?x ?l { ?x upper:label ?l
-        { SELECT ?x { ?x a race:Mug } ORDER BY ?x LIMIT 1 } }""",
-    "order": "SELECT ?x ?l { ?x upper:label ?l } ORDER BY ?l",
-    "union": "SELECT ?x { { ?x a race:Mug } UNION { ?x upper:label 'b' } }",
-    "union of joins": """SELECT ?x ?y { { ?x upper:near ?y . ?y upper:onTop ?t }
-        UNION { ?x upper:onTop ?y . ?y upper:label ?l } }""",
-    "values": "SELECT ?x ?l { ?x upper:label ?l VALUES ?x { fluent:Mug0 fluent:Plate1 } }",
-    "values after": "SELECT * { ?x upper:onTop ?t } VALUES (?x ?t) { (UNDEF fluent:Table0) }",
-    "bind": "SELECT ?x ?d { ?x upper:weight ?w BIND(?w * 2 AS ?d) }",
-    "if and coalesce": """SELECT ?x (COALESCE(?l, "none") AS ?label) (IF(?w > 1, 1, 0) AS ?heavy)
-        { ?x a race:Mug ; upper:weight ?w OPTIONAL { ?x upper:label ?l } }""",
-    "exists in the projection": "SELECT ?x (EXISTS { ?x upper:near ?y } AS ?e) { ?x a race:Mug }",
-    "graph": "SELECT ?g ?x { GRAPH ?g { ?x ?p ?o } }",
-    "graph and default": "SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { GRAPH ?g { ?x ?p ?o } } }",
-    "join": "SELECT ?x ?l { ?x a race:Mug ; upper:onTop ?t . ?t upper:label ?l }",
-    "join over times": """SELECT ?x ?t { ?x upper:onTop ?t . ?t upper:hasFinishLatest ?f
-        FILTER(?f > 20) }""",
-    "join with itself": "SELECT ?x ?y { ?x upper:onTop ?t . ?y upper:onTop ?t FILTER(?x != ?y) }",
-    "join, not projected": "SELECT ?l { ?x upper:near ?y . ?y upper:label ?l }",
-    "join, distinct": "SELECT DISTINCT ?l { ?x upper:near ?y . ?y upper:label ?l }",
-    "cross product": "SELECT ?x ?y { ?x a race:Mug . ?y a race:Plate }",
-    "ontology": "SELECT ?c ?d { ?c rdfs:subClassOf ?d . ?d rdfs:subClassOf upper:Area }",
-    "ask": "ASK { ?x a race:Mug ; upper:onTop fluent:Table0 }",
-    "ask not": "ASK { FILTER NOT EXISTS { ?x upper:near ?y } }",
-    "construct": "CONSTRUCT { ?t upper:carries ?x } WHERE { ?x upper:onTop ?t }",
-    "construct where": "CONSTRUCT WHERE { ?x a race:Mug ; upper:label ?l }",
-    "construct with blank nodes": """CONSTRUCT { ?x upper:at [ upper:place ?t ; upper:of ?x ] }
-        WHERE { ?x upper:onTop ?t }""",
-    "blank nodes made": "SELECT ?x (BNODE() AS ?b) { ?x a race:Mug }",
-    "holding": "SELECT ?x { ?x a race:Mug FILTER(fb:holdsAt(?x, 30)) }",
-    "certainty": "SELECT ?x (fb:certaintyAt(?x, 12) AS ?c) { ?x upper:onTop ?t }",
-    "duration": "SELECT ?x ?d { ?x a race:Mug BIND(fb:durationMin(?x) AS ?d) }",
-    "holding of another": """SELECT ?x ?t { ?x upper:onTop ?t
-        FILTER(fb:certainlyHoldsAt(?t, 30)) }""",
-    "relation": "SELECT ?x ?y { ?x upper:near ?y FILTER(fb:possiblyBefore(?x, ?y)) }",
-    "not holding": """SELECT ?x { ?x a race:Mug FILTER NOT EXISTS { ?x upper:onTop ?t
-        FILTER(fb:holdsAt(?t, 30)) } }""",
-    "notes": "SELECT ?g ?x ?v { ?x upper:label ?v GRAPH ?g { ?x upper:label ?w } }",
-    "graphs": "SELECT ?g { GRAPH ?g {} }",
-    "graphs without": """SELECT ?g { GRAPH ?g { FILTER NOT EXISTS { ?x upper:label 'a' } } }""",
-    "from": "SELECT ?x ?l FROM <urn:notes> { ?x upper:label ?l }",
-    "unread by the analyser": "SELECT ?x { ?x a race:Mug LATERAL { ?x upper:onTop ?t } }",
+GOLDEN = Path(__file__).parents[1] / "golden"
+QUERIES: dict[str, str] = {
+    "thesis, floor areas": (GOLDEN / "query_2_3.rq").read_text(encoding="utf-8"),
+    "thesis, anchoring objects": (GOLDEN / "query_4_2_4.rq").read_text(encoding="utf-8"),
+    **yaml.safe_load(Path(__file__).with_name("standing_queries.yaml").read_text(encoding="utf-8")),
 }
 
 _PREFIXES = """

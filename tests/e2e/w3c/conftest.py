@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -195,6 +195,37 @@ def dataset_of() -> Callable[[Node], dict[str, set[ox.Triple]]]:
         return graphs
 
     return read
+
+
+@pytest.fixture
+def load(endpoint: httpx.Client) -> Callable[[Mapping[str, set[ox.Triple]]], None]:
+    """Puts graphs into the service."""
+
+    def put(graphs: Mapping[str, set[ox.Triple]]) -> None:
+        for graph, triples in graphs.items():
+            reply = endpoint.put(
+                "/rdf-graph-store",
+                params={"graph": graph} if graph else {"default": ""},
+                content="".join(f"{triple} .\n" for triple in triples),
+                headers={"Content-Type": "application/n-triples"},
+            )
+            assert reply.status_code in (201, 204), reply.text
+
+    return put
+
+
+@pytest.fixture(scope="session")
+def canonical() -> Callable[[Iterable[ox.Triple]], set[str]]:
+    """Names the blank nodes of triples by what is said of them, and numbers by their values."""
+
+    def named(triples: Iterable[ox.Triple]) -> set[str]:
+        store = ox.Store()
+        store.extend(ox.Quad(t.subject, t.predicate, t.object) for t in triples)
+        dataset = ox.Dataset(store)
+        dataset.canonicalize(ox.CanonicalizationAlgorithm.UNSTABLE)
+        return {str(quad) for quad in dataset}
+
+    return named
 
 
 def triples_of(node: Node) -> set[ox.Triple]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import rdflib
 from rdflib.namespace import OWL, RDF, RDFS, XSD
@@ -89,27 +91,9 @@ DATA_PROPERTIES = {
     "hasFinishLatest": XSD.double,
 }
 
-FLOOR_AREA_QUERY = """
-SELECT DISTINCT ?area WHERE
-{
-  ?area rdf:type ?type .
-  ?type rdfs:subClassOf* upper:Area .
-  ?area upper:hasBoundingBox ?bbox .
-  ?bbox upper:hasPose ?pose .
-  ?pose upper:hasZ "0.0"^^xsd:float .
-}
-"""  # Section 2.3
-ANCHORING_QUERY = """
-SELECT DISTINCT ?instance WHERE
-{
-  ?instance upper:hasBoundingBox ?any .
-  ?instance a ?subclass .
-  {
-    {?subclass rdfs:subClassOf+ race:Kitchenware}
-    UNION {?subclass rdfs:subClassOf+ race:PersonalItem}
-  }
-}
-"""  # Section 4.2.4
+GOLDEN = Path(__file__).parents[2] / "golden"
+FLOOR_AREA_QUERY = (GOLDEN / "query_2_3.rq").read_text(encoding="utf-8")
+ANCHORING_QUERY = (GOLDEN / "query_4_2_4.rq").read_text(encoding="utf-8")
 BOARD = """
 fluent:sittingArea1 a race:SittingAreaEast ; upper:hasBoundingBox fluent:box1 .
 fluent:box1 a upper:BBox ; upper:hasPose fluent:pose1 .
