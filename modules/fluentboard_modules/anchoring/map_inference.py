@@ -11,6 +11,7 @@ from numba import njit
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.crf import Potentials
 from fluentboard_modules.anchoring.crf_data import IntArray
+from fluentboard_modules.anchoring.node_scores import scores_of_node
 
 MapMethod = Literal["exact", "icm"]
 
@@ -98,15 +99,7 @@ def _icm(
     for _ in range(sweeps):
         changed = False
         for i in range(count):
-            for c in range(classes):
-                local[c] = unary[i, c]
-            for k in range(edges.shape[0]):
-                if edges[k, 0] == i:
-                    for c in range(classes):
-                        local[c] += pairwise[k, c, labels[edges[k, 1]]]
-                elif edges[k, 1] == i:
-                    for c in range(classes):
-                        local[c] += pairwise[k, labels[edges[k, 0]], c]
+            scores_of_node(unary, edges, pairwise, labels, i, local)
             best = _largest(local)
             if local[best] > local[labels[i]] + _EPS:
                 labels[i] = best

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.anchoring.crf import Potentials
 from fluentboard_modules.anchoring.crf_data import IntArray
+from fluentboard_modules.anchoring.node_scores import scores_of_node
 
 MarginalMethod = Literal["auto", "exact", "messages", "sampling"]
 
@@ -177,15 +178,7 @@ def _gibbs(
     total = np.zeros((count, classes))
     for sweep in range(draws.shape[0]):
         for i in range(count):
-            for c in range(classes):
-                local[c] = unary[i, c]
-            for k in range(edges.shape[0]):
-                if edges[k, 0] == i:
-                    for c in range(classes):
-                        local[c] += pairwise[k, c, labels[edges[k, 1]]]
-                elif edges[k, 1] == i:
-                    for c in range(classes):
-                        local[c] += pairwise[k, labels[edges[k, 0]], c]
+            scores_of_node(unary, edges, pairwise, labels, i, local)
             _normalise(local)
             if sweep >= draws.shape[0] - counted:
                 for c in range(classes):

@@ -233,32 +233,22 @@ def _draw_gradient(
 
 def _hatching(begins: float, ends: float, centre: float, height: float, colour: Colour) -> Any:
     """Hatching where a fluent possibly holds."""
-    from matplotlib.patches import Rectangle
-
-    return Rectangle(
-        (begins, centre - height / 2),
-        ends - begins,
-        height,
-        facecolor="none",
-        edgecolor=colour,
-        hatch="/////",
-        linewidth=0.0,
-        alpha=0.55,
-        zorder=3,
-    )
+    style = {"hatch": "/////", "linewidth": 0.0, "alpha": 0.55}
+    return _rectangle(begins, ends, centre, height, colour, **style)
 
 
 def _frame(begins: float, ends: float, centre: float, height: float, colour: Colour) -> Any:
+    return _rectangle(begins, ends, centre, height, colour, linewidth=0.8)
+
+
+def _rectangle(
+    begins: float, ends: float, centre: float, height: float, colour: Colour, **style: Any
+) -> Any:
     from matplotlib.patches import Rectangle
 
+    corner = (begins, centre - height / 2)
     return Rectangle(
-        (begins, centre - height / 2),
-        ends - begins,
-        height,
-        facecolor="none",
-        edgecolor=colour,
-        linewidth=0.8,
-        zorder=3,
+        corner, ends - begins, height, facecolor="none", edgecolor=colour, zorder=3, **style
     )
 
 
