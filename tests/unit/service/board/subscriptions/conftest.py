@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import pyoxigraph as ox
 import pytest
@@ -13,10 +13,14 @@ from fluentboard.board.commands import Command, decide, name_of
 from fluentboard.board.events import Commit, FluentEvent, StatementsChanged
 from fluentboard.board.store import QueryResults
 from fluentboard.board.subscriptions.changes import CommitChange
+from fluentboard.board.subscriptions.evaluator import Evaluator
+from fluentboard.board.subscriptions.messages import Delta, Message, Mode, Snapshot
 from fluentboard.board.subscriptions.planner import plan
 from fluentboard.board.subscriptions.query import parse
 from fluentboard.board.subscriptions.schema import Schema
+from fluentboard.board.subscriptions.settings import SubscriptionSettings
 from fluentboard.board.subscriptions.standing import Plan
+from fluentboard.board.subscriptions.subscription import Subscription, SubscriptionRequest
 from fluentboard.board.time_view import Perspective, TimeView
 from fluentboard.board.time_views import TimedResults
 from fluentboard.board.triples import event_lines
@@ -143,6 +147,59 @@ class FakeBoard:
         return commit
 
 
+class Desk:
+    """An evaluator over the fake board, which is told of commits at `settle`."""
+
+    def __init__(self, board: Any, **settings: Any) -> None:
+        self.board = board
+        self._settings = SubscriptionSettings.model_validate(settings)
+        self.evaluator = Evaluator(board, self._settings, self._arrive)
+        self._told: list[Any] = []
+        board.listen(self._told.extend)
+        self.evaluator.begin_after(board.commit)
+
+    def open(self, query: str, mode: Mode = "bindings", since: int | None = None) -> Subscription:
+        subscription = Subscription(
+            SubscriptionRequest(query, mode, since),
+            "",
+            self._settings,
+            on_ready=None,
+            on_drained=self.evaluator.refresh,
+            on_close=lambda closed: self.evaluator.close(closed, now_s=0.0),
+        )
+        self.evaluator.open(subscription, parse(query))
+        return subscription
+
+    def settle(self) -> None:
+        """Tells of everything and evaluates what is stale."""
+        self._arrive(self.board.commit)
+        while self.evaluator.has_work:
+            self.evaluator.reevaluate_next()
+
+    def _arrive(self, commit: int) -> bool:
+        self.board.tell()
+        for told in self._told:
+            self.evaluator.route(told)
+        self._told.clear()
+        return self.evaluator.routed >= commit
+
+    @staticmethod
+    def outline(messages: list[Message]) -> list[tuple[str, int, int, int]]:
+        """Kind, commit, and how many solutions came and went."""
+        found: list[tuple[str, int, int, int]] = []
+        for message in messages:
+            if isinstance(message, Delta):
+                change = message.change.difference
+                came, went = sum(change.added.values()), sum(change.removed.values())
+                found.append(("delta", message.commit, came, went))
+            elif isinstance(message, Snapshot):
+                count = sum(message.answer.bag.values())
+                found.append(("snapshot", message.commit, count, 0))
+            else:
+                found.append((type(message).__name__.lower(), getattr(message, "commit", 0), 0, 0))
+        return found
+
+
 @pytest.fixture
 def board() -> FakeBoard:
     return FakeBoard()
@@ -163,3 +220,19 @@ def plan_of(schema: Schema) -> Callable[[str], Plan]:
 def change_of(board: FakeBoard) -> Callable[..., CommitChange]:
     """What the commit of some commands changes."""
     return lambda *commands: CommitChange(board.write(*commands), board.vocabulary)
+
+
+@pytest.fixture
+def desk_of(board: FakeBoard) -> Callable[..., Desk]:
+    """An evaluator over the board, with other settings."""
+
+    def make(**limits: Any) -> Desk:
+        return Desk(board, **limits)
+
+    return make
+
+
+@pytest.fixture
+def desk(board: FakeBoard) -> Desk:
+    """An evaluator over the board."""
+    return Desk(board)
