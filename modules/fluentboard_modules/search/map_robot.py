@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from fluentboard.errors import InvalidInput, UnreachableView
+from fluentboard.errors import InvalidInput
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
+from fluentboard_modules.simulation.costmap_robot import CostmapRobot
 from fluentboard_modules.simulation.navigation import Costmap, inflated
 from fluentboard_modules.simulation.robots import RobotModel, View
 
@@ -48,7 +49,7 @@ def costmap_of(occupancy: OccupancyMap, model: RobotModel, floor_z_m: float = 0.
     return inflated(np.ascontiguousarray(blocked.T), resolution, origin, model.radius_m)
 
 
-class MapRobot:
+class MapRobot(CostmapRobot):
     """A `Robot` whose world is an occupancy map: it looks by casting rays into it.
 
     Args:
@@ -70,49 +71,10 @@ class MapRobot:
         floor_z_m: float = 0.0,
         start_s: float = 1.0,
     ) -> None:
-        self._model = model.model_copy(
-            update={"camera_height_m": model.camera_height_m + floor_z_m}
-        )
+        raised = model.model_copy(update={"camera_height_m": model.camera_height_m + floor_z_m})
+        super().__init__(raised, costmap_of(world, model, floor_z_m), start, start_s)
         self._world = world
-        self._view = start
-        self._time_s = start_s
-        self._index = 0
-        self.costmap = costmap_of(world, model, floor_z_m)
-        self.costmap.path_costs(start.x, start.y)
         self._camera = model.camera(_IMAGE_WIDTH)
-
-    @property
-    def model(self) -> RobotModel:
-        """Limits, camera and motion times; heights count from the map's zero."""
-        return self._model
-
-    @property
-    def view(self) -> View:
-        """The present configuration."""
-        return self._view
-
-    @property
-    def time_s(self) -> float:
-        """The robot's own clock."""
-        return self._time_s
-
-    def predicted_time_s(self, start: View, goal: View) -> float:
-        """Time to go and look; infinite where no way leads or a joint cannot go."""
-        try:
-            self._model.check(goal)
-            cost = self.costmap.path((start.x, start.y), (goal.x, goal.y)).cost
-        except UnreachableView:
-            return math.inf
-        return self._model.transition_time_s(start, goal, cost)
-
-    def move_to(self, view: View) -> float:
-        """Takes a view; see `Robot`."""
-        self._model.check(view)
-        cost = self.costmap.path((self._view.x, self._view.y), (view.x, view.y)).cost
-        seconds = self._model.motion_time_s(self._view, view, cost)
-        self._view = view
-        self._time_s += seconds
-        return seconds
 
     def sense(self) -> SensorFrame:
         """A depth image of the map; what the map does not know is not measured."""

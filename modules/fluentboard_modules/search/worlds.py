@@ -89,7 +89,7 @@ def open_world(
         )
     if path.suffix in (".bt", ".ot"):
         world = read_octomap(path)
-        start = _some_view(costmap_of(world, robot), rng)
+        start = _within_limits(_some_view(costmap_of(world, robot), rng), robot)
         walker = MapRobot(robot, world, start, start_s=start_s)
         return SearchWorld(walker, walker.costmap, {}, {})
     raise InvalidInput(
@@ -116,8 +116,7 @@ def world_in_scene(
         start_s: its clock at the beginning, on the board's time axis.
         image_width: of its camera, in pixels.
     """
-    low, high = model.tilt_rad
-    view = View(start.x, start.y, start.yaw_rad, tilt_rad=min(max(start.tilt_rad, low), high))
+    view = _within_limits(start, model)
     robot = WatchfulSimulatedRobot(
         model, scene, view, rng, NoiseConfig(), image_width=image_width, start_s=start_s
     )
@@ -127,6 +126,12 @@ def world_in_scene(
         {v.name.replace(" ", "_"): v.box for v in scene.search_volumes},
         {thing.label: thing for thing in scene.objects},
     )
+
+
+def _within_limits(view: View, model: RobotModel) -> View:
+    """The same place and heading, the camera tilted as the robot can."""
+    low, high = model.tilt_rad
+    return View(view.x, view.y, view.yaw_rad, tilt_rad=min(max(view.tilt_rad, low), high))
 
 
 def _some_view(room: Costmap, rng: np.random.Generator) -> View:

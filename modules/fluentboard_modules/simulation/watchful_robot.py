@@ -66,7 +66,7 @@ class WatchfulSimulatedRobot(SimulatedRobot):
         stays = math.hypot(view.x - start.x, view.y - start.y) < 0.05
         if self._attention is None or stays or math.isinf(self.between_frames_m):
             return seconds
-        points = self._map.path((start.x, start.y), (view.x, view.y)).points
+        points = self._costmap.path((start.x, start.y), (view.x, view.y)).points
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         stops = np.arange(self.between_frames_m, along[-1] - 0.1, self.between_frames_m)
         self._seen = tuple(

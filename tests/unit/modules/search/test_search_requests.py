@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,6 +17,7 @@ from fluentboard_modules.search.config import SearchConfig
 from fluentboard_modules.search.cooccurrence import Sighting, probabilities_from_memory
 from fluentboard_modules.search.map_robot import MapRobot, costmap_of
 from fluentboard_modules.search.occupancy import OccupancyMap
+from fluentboard_modules.search.octomap_files import write_octomap
 from fluentboard_modules.search.record import Moment, SearchStep
 from fluentboard_modules.search.region import SearchVolume
 from fluentboard_modules.search.request import (
@@ -25,7 +29,7 @@ from fluentboard_modules.search.run import ask_for
 from fluentboard_modules.search.search_fluents import SearchFluents
 from fluentboard_modules.search.volume_text import volume_of_text
 from fluentboard_modules.search.worlds import open_world
-from fluentboard_modules.simulation.robots import PR2, View
+from fluentboard_modules.simulation.robots import PR2, ROBOTS, View
 from fluentboard_modules.statements import Ending
 
 BOX = BoundingBox(Pose.from_rpy(2.0, 1.0, 0.9, yaw=0.3), 0.8, 0.6, 0.3)
@@ -186,6 +190,18 @@ def test_a_robot_searches_in_a_map() -> None:
     assert robot.move_to(View(1.0, 3.0, 0.0)) > 5.0
     with pytest.raises(UnreachableView):
         robot.move_to(View(3.5, 2.0, 0.0))
+
+
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_every_robot_stands_in_a_map_as_it_can(name: str, tmp_path: Path) -> None:
+    room = OccupancyMap(0.1)
+    room.set_cells(room.cells_in(BoundingBox(Pose(2.0, 2.0, 0.9), 4.0, 4.0, 1.8)), -1.0)
+    write_octomap(room, tmp_path / "room.bt")
+    robot = open_world(str(tmp_path / "room.bt"), name).robot
+    robot.model.check(robot.view)
+    seconds = robot.predicted_time_s(robot.view, replace(robot.view, x=2.0, y=2.0))
+    assert robot.model.acquisition_s <= seconds < 60.0
+    assert robot.sense().sensor == name
 
 
 @pytest.mark.parametrize("source", ["sim:kitchen", "sim:search?seed=x", "room.txt"])
