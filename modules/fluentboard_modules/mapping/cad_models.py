@@ -16,6 +16,8 @@ from fluentboard_modules.simulation.raycasting import MeshCaster
 _SPACING_M = 0.02
 _SAMPLES_MAX = 12_000
 _ALIKE_M = 0.02
+_BOARD_SHARE = 0.5  # of the footprint that a board covers
+_BOARDS_LEAST = 3
 _ORDERS = (8, 6, 4, 3, 2)  # of rotational symmetry about the vertical that are looked for
 ROUND = 0
 """The symmetry order of a body of revolution: every turn looks alike."""
@@ -111,6 +113,18 @@ class CadModel:
         is_top = (normals[:, 2] > 0.0) & (corners[:, :, 2] > top - _ALIKE_M).all(axis=1)
         size = (mesh.bounds[1] - mesh.bounds[0])[:2]
         return float(0.5 * normals[is_top, 2].sum() / max(float(size.prod()), 1e-9))
+
+    @cached_property
+    def holds_things(self) -> bool:
+        """Whether it has boards one above the other, as shelves have: things stand in it."""
+        mesh = self.mesh
+        corners = mesh.vertices[mesh.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area, height = 0.5 * normals[:, 2], corners[:, :, 2].mean(axis=1)
+        level = (area > 0.45 * np.linalg.norm(normals, axis=1)) & (area > 0.0)
+        footprint = float((mesh.bounds[1] - mesh.bounds[0])[:2].prod())
+        on_level = np.bincount(np.round(height[level] / _ALIKE_M).astype(int), area[level])
+        return int(np.count_nonzero(on_level > _BOARD_SHARE * footprint)) >= _BOARDS_LEAST
 
     def top_faces(self, height_m: float, reach_m: float) -> FloatArray | None:
         """The extent of its level faces near a height.

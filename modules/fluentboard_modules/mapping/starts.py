@@ -21,7 +21,7 @@ _ROW_MAX = 12  # models side by side
 _START_STEP_M = 0.35  # ICP bridges 0.25 m
 _LEVEL = 0.7  # of a normal's z
 _INDEPENDENT_SHARE = 0.02  # neighbouring pixels err alike
-_LEAST_HEADING_RAD = 0.003  # planes bend and poses drift
+_LEAST_HEADING_RAD = 0.0015  # planes bend and poses drift
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
 
 
