@@ -200,16 +200,26 @@ def _detections(found: Sequence[Candidate] | Sequence[FurnitureItem]) -> list[De
 
 
 def _scores(found: SceneFindings, true: Sequence[TrueObject]) -> list[tuple[float, bool]]:
-    """The score of every verified hypothesis, and whether an object of that model is there."""
+    """The score of every verified hypothesis, and whether an object of that model is there.
+
+    What is judged near an object after that was found has to explain what is left of the images: it
+    is no test of the score either way, and left out.
+    """
     scores: list[tuple[float, bool]] = []
+    taken: set[str] = set()
     for judged in found.judged:
         at, model = judged.verdict.standing, judged.verdict.model.name
-        is_true = any(
-            np.hypot(at.x - one.pose.x, at.y - one.pose.y) <= one.tolerance_m
+        near = {
+            one.name
             for one in true
             if one.model == model
-        )
-        scores.append((judged.verdict.score, is_true))
+            and np.hypot(at.x - one.pose.x, at.y - one.pose.y) <= one.tolerance_m
+        }
+        if near & taken:
+            continue
+        if judged.verdict.is_accepted:
+            taken |= near
+        scores.append((judged.verdict.score, bool(near)))
     return scores
 
 

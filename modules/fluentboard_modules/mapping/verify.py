@@ -18,7 +18,7 @@ from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView, best_views
-from fluentboard_modules.mapping.evidence import gather_evidence
+from fluentboard_modules.mapping.evidence import Evidence, gather_evidence
 from fluentboard_modules.mapping.generic_models import generic_model
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
@@ -53,6 +53,7 @@ class Verdict:
             it is accepted.
         is_accepted: whether the score says that it is there.
         n_views: views that were compared.
+        evidence: what the score of a CAD file is made of, None for a made-up model.
     """
 
     model: CadModel
@@ -64,6 +65,7 @@ class Verdict:
     covariance: FloatArray
     is_accepted: bool
     n_views: int
+    evidence: Evidence | None = None
 
 
 def verify(
@@ -227,13 +229,9 @@ def _best_of(
     initial, best = best_place(looker, starts, reach_m)
     refined = looker.refine(best.standing)
     is_front = geometry.main_side == "front"
-    score, initial_score = (
-        gather_evidence(looker, trial, misfit, is_front=is_front).probability(config.evidence)
-        for trial, misfit in (
-            (best, refined.misfit),
-            (initial, looker.misfit(initial.standing)),
-        )
-    )
+    evidence = gather_evidence(looker, best, refined.misfit, is_front=is_front)
+    first = gather_evidence(looker, initial, looker.misfit(initial.standing), is_front=is_front)
+    score, initial_score = (one.probability(config.evidence) for one in (evidence, first))
     is_accepted = score >= config.accept_exact_score and best.score >= config.accept_score
     return Verdict(
         model,
@@ -245,4 +243,5 @@ def _best_of(
         pose_covariance(looker, best, refined, config.covariance) if is_accepted else UNKNOWN_POSE,
         is_accepted,
         len(views),
+        evidence,
     )
