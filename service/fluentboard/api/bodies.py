@@ -154,8 +154,9 @@ def ending_from_json(document: Any, name: str, version: int | None, now_s: float
         InvalidInput: it is not an object of at most `at`.
     """
     members = _members(document, frozenset({"at"}), "the ending")
-    at = members.get("at", now_s)
-    return EndFluent(name, interval_from_json(now_s if at == "now" else at, "at"), version)
+    at = members.get("at", "now")
+    is_now = at == "now"
+    return EndFluent(name, interval_from_json(now_s if is_now else at, "at"), version, is_now)
 
 
 def check_batch(count: int, batch_max: int) -> None:

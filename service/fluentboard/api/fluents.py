@@ -39,7 +39,7 @@ from fluentboard.board.events import Commit
 from fluentboard.board.intervals import FluentFilter
 from fluentboard.board.listing import Page
 from fluentboard.config import LimitSettings
-from fluentboard.errors import InvalidInput, VersionMismatch
+from fluentboard.errors import InvalidInput
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.json_format import fluent_from_json, fluent_to_json
 from fluentboard.model.yaml_format import fluent_to_yaml
@@ -160,16 +160,8 @@ class FluentRoutes:
                 f"the body is about {fluent.name!r}, the address about {name!r}; a fluent cannot "
                 "be renamed"
             )
-        version = expected_version(call, name)
-        current = self._board.fluent(name)
-        if version is not None and version != current.version:
-            raise VersionMismatch(
-                f"fluent {name!r} is at version {current.version}, not {version}; read it again "
-                "and repeat the change",
-                name=name,
-                version=current.version,
-            )
-        return await self._changed(call, name, CorrectFluent(fluent, reason))
+        command = CorrectFluent(fluent, reason, expected_version(call, name))
+        return await self._changed(call, name, command)
 
     async def read_history(self, call: Call) -> Reply:
         """`GET /fluents/{name}/history`."""

@@ -7,12 +7,13 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pyoxigraph as ox
 
 from fluentboard.board.audit import AuditEntry, AuditFilter
-from fluentboard.board.commands import Command
+from fluentboard.board.commands import Command, EndFluent
 from fluentboard.board.endpoint import Endpoint
 from fluentboard.board.events import Commit, StatementsChanged
 from fluentboard.board.graphs import Graphs
@@ -35,6 +36,7 @@ from fluentboard.errors import (
     UnknownFluent,
 )
 from fluentboard.model.fluent import Fluent
+from fluentboard.model.interval import UNKNOWN
 
 
 class Blackboard(Querying):
@@ -328,4 +330,11 @@ class Blackboard(Querying):
 
 
 def _digest(commands: Sequence[Command], author: str) -> str:
-    return hashlib.sha256(repr((author, *commands)).encode()).hexdigest()
+    # A repetition comes later than the request, and asks for the same.
+    same = (
+        replace(command, finish=UNKNOWN)
+        if isinstance(command, EndFluent) and command.is_now
+        else command
+        for command in commands
+    )
+    return hashlib.sha256(repr((author, *same)).encode()).hexdigest()

@@ -5,7 +5,7 @@ Imperative in name; the board answers each accepted command with an event.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fluentboard.board.events import Event, FluentAdded, FluentCorrected, FluentEnded, FluentRefined
 from fluentboard.errors import FluentExists, InvalidInput, UnknownFluent, VersionMismatch
@@ -55,11 +55,13 @@ class EndFluent:
         name: the fluent.
         finish: the interval that its end lies in.
         expected_version: refuse unless this is the fluent's version (HTTP If-Match).
+        is_now: the finish is the moment at which this was asked; asked again, it is a later one.
     """
 
     name: str
     finish: Interval
     expected_version: int | None = None
+    is_now: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +71,12 @@ class CorrectFluent:
     Attributes:
         fluent: the fluent as it should have been; class, intervals and properties are replaced.
         reason: why; the journal keeps it.
+        expected_version: refuse unless this is the fluent's version (HTTP If-Match).
     """
 
     fluent: Fluent
-    reason: str = field(default="")
+    reason: str = ""
+    expected_version: int | None = None
 
 
 Command = AssertFluent | RefineFluent | EndFluent | CorrectFluent
@@ -101,24 +105,28 @@ def decide(command: Command, current: Fluent | None) -> Event | None:
     if current is None:
         name = name_of(command)
         raise UnknownFluent(f"no fluent {name!r} on the board; assert it first", name=name)
+    _check_version(command.expected_version, current)
     if isinstance(command, CorrectFluent):
         if not command.reason.strip():
             raise InvalidInput(f"correcting {current.name!r} needs a reason; the journal keeps it")
         if _same_statement(current, command.fluent):
             return None
         return FluentCorrected(current, command.fluent)
-    if command.expected_version is not None and command.expected_version != current.version:
-        raise VersionMismatch(
-            f"fluent {current.name!r} is at version {current.version}, not "
-            f"{command.expected_version}; read it again and repeat the change",
-            name=current.name,
-            version=current.version,
-        )
     if isinstance(command, EndFluent):
         after = current.ended(command.finish)
         return None if _same_statement(current, after) else FluentEnded(current, after)
     after = current.refined(command.start, command.finish, command.properties)
     return _refinement(current, after)
+
+
+def _check_version(expected: int | None, current: Fluent) -> None:
+    if expected is not None and expected != current.version:
+        raise VersionMismatch(
+            f"fluent {current.name!r} is at version {current.version}, not {expected}; read it "
+            "again and repeat the change",
+            name=current.name,
+            version=current.version,
+        )
 
 
 def _decide_assertion(command: AssertFluent, current: Fluent | None) -> Event | None:

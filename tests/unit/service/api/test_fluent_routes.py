@@ -170,6 +170,30 @@ def test_the_same_key_gives_the_first_answer_again(api: httpx.Client, name: str)
     assert again.headers["x-commit"] == first.headers["x-commit"]
 
 
+@pytest.mark.parametrize("body", [{}, {"at": "now"}])
+def test_ending_now_again_with_the_same_key_gives_the_first_end(
+    api: httpx.Client, name: str, body: dict[str, str]
+) -> None:
+    api.post("/fluents", json=mug(name))
+    headers = {"Idempotency-Key": f"end of {name}"}
+    first = api.post(f"/fluents/{name}/end", json=body, headers=headers)
+    again = api.post(f"/fluents/{name}/end", json=body, headers=headers)
+    assert (first.status_code, again.json()) == (200, first.json())
+    other = api.post(f"/fluents/{name}/end", json={"at": 5.0}, headers=headers)
+    assert code(other) == "idempotency-conflict"
+
+
+def test_a_correction_sent_again_with_the_same_key_is_done_once(
+    api: httpx.Client, name: str
+) -> None:
+    etag = api.post("/fluents", json=mug(name)).headers["etag"]
+    headers = {"Idempotency-Key": f"correction of {name}", "If-Match": etag}
+    corrected, why = {**mug(name), "class": "Plate"}, {"reason": "mixed up"}
+    first = api.put(f"/fluents/{name}", json=corrected, params=why, headers=headers)
+    again = api.put(f"/fluents/{name}", json=corrected, params=why, headers=headers)
+    assert (first.status_code, again.json()) == (200, first.json())
+
+
 def test_a_key_used_for_another_request_is_a_conflict(api: httpx.Client, name: str) -> None:
     headers = {"Idempotency-Key": f"key of {name}"}
     api.post("/fluents", json=mug(name), headers=headers)
