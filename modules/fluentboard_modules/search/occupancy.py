@@ -172,8 +172,10 @@ class OccupancyMap:
         """A map of its own with the same content."""
         other = OccupancyMap(self.resolution_m, self.model)
         other._low, other._directory = self._low.copy(), self._directory.copy()
-        other._count, other._blocks = self._count, self._blocks.copy()
-        other._log_odds = self._log_odds.copy()
+        other._make_room(self._count)
+        other._count = self._count
+        other._blocks[: self._count] = self.block_coordinates
+        other._log_odds[: self._count] = self.log_odds
         return other
 
     # -- changes --------------------------------------------------------------------------------

@@ -366,7 +366,7 @@ class SearchWorker:
 
     def _map_fluents(self, path: Path) -> list[Statement]:
         properties = (
-            Property("hasMapFile", "xsd:string", str(path)),
+            Property("hasMapFile", "xsd:string", str(path.resolve())),
             Property("hasResolution", "xsd:double", self._map.resolution_m),
         )
         return [Fluent(f"occupancyMap_{self._name}", "OccupancyMap", properties=properties)]

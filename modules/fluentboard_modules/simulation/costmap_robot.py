@@ -51,6 +51,10 @@ class CostmapRobot:
         """The robot's own clock: it advances with motions and looks only."""
         return self._time_s
 
+    def idle_until(self, time_s: float) -> None:
+        """Does nothing up to a time; nothing happens if it has passed."""
+        self._time_s = max(self._time_s, time_s)
+
     def predicted_time_s(self, start: View, goal: View) -> float:
         """Time to go and look; infinite where no way leads or a joint cannot go."""
         try:

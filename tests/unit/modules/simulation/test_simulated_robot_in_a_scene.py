@@ -44,6 +44,14 @@ def test_the_prediction_is_what_moving_and_looking_takes(robot: SimulatedRobot):
     assert robot.sense().stamp_s - 100.0 == pytest.approx(predicted)
 
 
+def test_it_can_wait(robot: SimulatedRobot):
+    robot.idle_until(90.0)
+    assert robot.time_s == 100.0
+    robot.idle_until(130.0)
+    assert robot.time_s == 130.0
+    assert robot.view == START
+
+
 def test_it_sees_what_is_in_front_of_it(robot: SimulatedRobot):
     frame = robot.sense()
     assert SCENE["block"].label in np.asarray(frame.labels)
