@@ -298,10 +298,16 @@ class StreamedReply:
         """Sends status and headers, then every piece, until the client is gone."""
         await send(self.start())
         await send({"type": "http.response.body", "body": self._first, "more_body": True})
-        async for chunk in self._chunks:
-            if is_gone():
-                return
-            await send({"type": "http.response.body", "body": chunk, "more_body": True})
+        try:
+            async for chunk in self._chunks:
+                if is_gone():
+                    return
+                await send({"type": "http.response.body", "body": chunk, "more_body": True})
+        finally:
+            # What the pieces come from is let go of now, and not when somebody collects garbage.
+            close = getattr(self._chunks, "aclose", None)
+            if close is not None:
+                await close()
         await send({"type": "http.response.body", "body": b"", "more_body": False})
 
 

@@ -151,6 +151,27 @@ def test_a_long_reply_ends_when_the_client_is_gone() -> None:
     assert len(made) == 4
 
 
+def test_what_a_long_reply_comes_from_is_let_go_of_with_the_client() -> None:
+    let_go: list[str] = []
+
+    async def chunks() -> AsyncIterator[bytes]:
+        try:
+            while True:
+                yield b"more"
+        finally:
+            let_go.append("file")
+
+    async def exchange() -> None:
+        async def send(_: Message) -> None:
+            return
+
+        reply = StreamedReply(chunks(), b"text/plain")
+        await reply.send(send, lambda: True)
+        assert let_go == ["file"], reply
+
+    asyncio.run(exchange())
+
+
 def test_an_error_before_the_first_piece_is_still_an_error() -> None:
     async def chunks() -> AsyncIterator[bytes]:
         raise InvalidInput("not today")
