@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -32,21 +33,36 @@ def costmap_of(occupancy: OccupancyMap, model: RobotModel, floor_z_m: float = 0.
     Raises:
         InvalidInput: the map knows nothing at that height.
     """
-    cells, _ = occupancy.known_cells()
     resolution = occupancy.resolution_m
     top = floor_z_m + model.camera_height_m + model.torso_m[1]
     low_z = math.floor((floor_z_m + _STEP_M) / resolution)
     high_z = math.ceil(top / resolution)
-    band = cells[(cells[:, 2] >= low_z) & (cells[:, 2] < high_z)]
-    if not len(band):
+    bounds = _known_floor(occupancy, low_z, high_z)
+    if bounds is None:
         raise InvalidInput(f"the map knows nothing between {floor_z_m} m and {top:.2f} m")
-    first = np.array([band[:, 0].min(), band[:, 1].min(), low_z])
-    last = band.max(axis=0)
-    shape = (int(last[0] - first[0] + 1), int(last[1] - first[1] + 1), high_z - low_z)
+    low, high = bounds
+    first = np.array([*low, low_z])
+    shape = (int(high[0] - low[0] + 1), int(high[1] - low[1] + 1), high_z - low_z)
     states = occupancy.dense(first, shape)
     blocked = (states == OCCUPIED).any(axis=2) | (states == UNKNOWN).all(axis=2)
     origin = (float(first[0]) * resolution, float(first[1]) * resolution)
     return inflated(np.ascontiguousarray(blocked.T), resolution, origin, model.radius_m)
+
+
+def _known_floor(
+    occupancy: OccupancyMap, low_z: int, high_z: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Least and greatest x and y of the known cells from `low_z` to below `high_z`; None: none."""
+    known = ~np.isnan(occupancy.log_odds).reshape(-1, 8, 8, 8)
+    corners = 8 * occupancy.block_coordinates
+    height = corners[:, 2:] + np.arange(8)
+    known &= ((height >= low_z) & (height < high_z))[:, None, None, :]
+    along_x, along_y = known.any(axis=(2, 3)), known.any(axis=(1, 3))
+    if not along_x.any():
+        return None
+    x = (corners[:, 0:1] + np.arange(8))[along_x]
+    y = (corners[:, 1:2] + np.arange(8))[along_y]
+    return np.array([x.min(), y.min()]), np.array([x.max(), y.max()])
 
 
 class MapRobot(CostmapRobot):
