@@ -21,7 +21,7 @@ from fluentboard_modules.search.region import (
 from fluentboard_modules.search.travel_times import transition_times_s
 from fluentboard_modules.search.view_sampling import SampledViews, VisibleCells, sample_views
 from fluentboard_modules.simulation.navigation import Costmap, inflated
-from fluentboard_modules.simulation.robots import CALVIN, PR2, TURTLEBOT, RobotModel, View
+from fluentboard_modules.simulation.robots import CALVIN, PR2, ROBOTS, TURTLEBOT, RobotModel, View
 
 SIDE_M = 6.0
 TABLE = BoundingBox(Pose.from_rpy(3.0, 3.0, 0.9, yaw=0.4), 0.8, 0.6, 0.3)
@@ -223,19 +223,27 @@ def test_a_visibility_prior_hides_what_lies_deep_in_the_unknown(
     assert count[0] > count[1] > count[2] > 0
 
 
-def test_transition_times_are_those_of_the_robot_and_its_paths(
+def test_sampling_gives_what_it_has_when_its_time_is_up(
     region: Region, occupancy: OccupancyMap, floor: Costmap
+) -> None:
+    hurried = ViewSamplingConfig(views=200, time_limit_s=1e-9)
+    assert 0 < len(sampled(region, occupancy, floor, config=hurried)) < 200
+
+
+@pytest.mark.parametrize("model", ROBOTS.values(), ids=list(ROBOTS))
+def test_transition_times_are_those_of_the_robot_and_its_paths(
+    region: Region, occupancy: OccupancyMap, floor: Costmap, model: RobotModel
 ) -> None:
     views = sampled(region, occupancy, floor, config=ViewSamplingConfig(views=6)).views
     start = View(1.0, 1.0, 0.3)
     aside = View(views[0].x, views[0].y, views[0].yaw_rad, views[0].torso_m, 0.5, 0.1)
     everything = [start, *views, aside]
-    table = transition_times_s(PR2, floor, start, [*views, aside])
+    table = transition_times_s(model, floor, start, [*views, aside])
     for i, here in enumerate(everything):
         for j, there in enumerate(everything):
             if i != j:
                 cost = floor.path((here.x, here.y), (there.x, there.y)).cost
-                assert table[i, j] == pytest.approx(PR2.transition_time_s(here, there, cost))
+                assert table[i, j] == pytest.approx(model.transition_time_s(here, there, cost))
     assert table == pytest.approx(table.T)
 
 
