@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
-from fluentboard_modules.mapping.view_kernels import Floats, Indices
+from fluentboard_modules.mapping.draw_kernels import Floats, Indices
 
 _STEEP = 0.15  # a surface that a ray meets at less than this sine has no certain continuation
 _GOES_ON_M = 0.1  # of depth from one pixel of the model to the next: more is another part of it

@@ -7,11 +7,8 @@ outside and draws no random numbers: the same frames give the same furniture.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.candidates import (
@@ -24,6 +21,7 @@ from fluentboard_modules.mapping.candidates import (
 )
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
 from fluentboard_modules.mapping.floor import sloping_floor
+from fluentboard_modules.mapping.furniture_change import differs
 from fluentboard_modules.mapping.furniture_item import (
     FurnitureChange,
     FurnitureItem,
@@ -361,35 +359,21 @@ class FurnitureMap:
             elif (
                 track.is_accepted
                 and track.reported is not None
-                and self._differs(track.reported, track.item)
+                and self._has_changed(track.reported, track.item)
             ):
                 track.reported = track.item
                 changes.append(FurnitureChange("changed", track.item))
         self._tracks = kept
         return changes
 
+    def _has_changed(self, old: FurnitureItem, new: FurnitureItem) -> bool:
+        order = self._rules.rules.furniture[new.class_name].symmetry_order
+        return differs(old, new, order, self._config)
+
     def _new_identifier(self, class_name: str) -> str:
         number = self._numbers.get(class_name, 0) + 1
         self._numbers[class_name] = number
         return f"{class_name[0].lower()}{class_name[1:]}{number}"
-
-    def _differs(self, old: FurnitureItem, new: FurnitureItem) -> bool:
-        """Whether a change is worth reporting."""
-        config = self._config
-        moved = math.dist(
-            (old.pose.x, old.pose.y, old.pose.z), (new.pose.x, new.pose.y, new.pose.z)
-        )
-        # A table turned by half a turn is the same table.
-        order = self._rules.rules.furniture[new.class_name].symmetry_order
-        turn = (new.pose.yaw_rad - old.pose.yaw_rad) * order
-        turned = abs(math.atan2(math.sin(turn), math.cos(turn))) / order
-        resized = float(np.abs(new.box.sizes - old.box.sizes).max())
-        return (
-            moved > config.moved_m
-            or turned > config.turned_rad
-            or resized > config.resized_m
-            or abs(new.score - old.score) > config.rescored
-        )
 
 
 def _top_of(candidate: Candidate) -> PlanarRegion:

@@ -24,30 +24,10 @@ from fluentboard_modules.mapping.grid_outline import (
     without_fringe,
 )
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.plane_kernels import (
-    NOT_JUDGED,
-    SEEN,
-    SEEN_THROUGH,
-    look_at_cells,
-)
+from fluentboard_modules.mapping.plane_kernels import NOT_JUDGED, SEEN, SEEN_THROUGH
+from fluentboard_modules.mapping.plane_look import Visibility, looked_at
 
-_NEAREST_M = 0.3  # nearer to the sensor nothing is judged
 _MARGIN_CELLS = 16  # grown on every side when the grid is too small, so that it rarely is
-
-
-@dataclass(frozen=True, slots=True)
-class Visibility:
-    """How a frame saw the cells of a map plane.
-
-    Attributes:
-        seen: cells that the plane's own region covers.
-        seen_through: cells behind which the sensor measured something.
-        expected: cells in view and not hidden by something in front.
-    """
-
-    seen: int
-    seen_through: int
-    expected: int
 
 
 @dataclass(slots=True)
@@ -295,29 +275,19 @@ class MapPlane:
         """
         if not self.hits.any():
             return Visibility(0, 0, 0)
-        # The plane is affine in column and row, and so is its image in the camera frame.
-        a, b, c = self.fit
-        cell = self.config.cell_m
-        T_sensor_grid = T_sensor_map.matrix @ self.T_map_grid.matrix
-        x, y = (self.corner[0] + 0.5) * cell, (self.corner[1] + 0.5) * cell
-        first = (T_sensor_grid @ (x, y, a * x + b * y + c, 1.0))[:3]
-        along = cell * np.array([[1.0, 0.0, a], [0.0, 1.0, b]]) @ T_sensor_grid[:3, :3].T
-        normal = np.cross(along[0], along[1])
         hit = np.zeros(self.hits.shape, dtype=np.bool_)
         if seen is not None and len(seen):
             local = seen - self.corner
             hit[local[:, 1], local[:, 0]] = True
-        camera = frame.camera
-        state = look_at_cells(
+        state = looked_at(
+            frame,
+            T_sensor_map @ self.T_map_grid,
+            self.fit,
+            self.corner,
+            self.config.cell_m,
             self.hits > 0,
             hit,
-            first.astype(np.float32),
-            along.astype(np.float32),
-            (normal / np.linalg.norm(normal)).astype(np.float32),
-            frame.depth_m,
-            np.array([camera.fx, camera.fy, camera.cx, camera.cy], dtype=np.float32),
             tolerance_m,
-            _NEAREST_M,
         )
         through = state == SEEN_THROUGH
         if through.any():

@@ -19,7 +19,8 @@ from fluentboard_modules.frames.sensor_frame import Camera, SensorFrame
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FusionConfig
 from fluentboard_modules.mapping.normals import depth_tolerance_m
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.plane_grid import MapPlane, Visibility
+from fluentboard_modules.mapping.plane_grid import MapPlane
+from fluentboard_modules.mapping.plane_look import Visibility
 
 _NEAREST_M = 0.3  # what is nearer to the sensor has no image
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
-from fluentboard_modules.mapping.view_kernels import Floats, Indices
+from fluentboard_modules.mapping.draw_kernels import Floats, Indices
 
 _STEEP = 0.2  # a surface that a ray meets at less than this sine says little
 

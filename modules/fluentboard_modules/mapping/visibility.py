@@ -20,7 +20,8 @@ from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
-from fluentboard_modules.mapping.view_kernels import compare, draw, image_window, in_sensor
+from fluentboard_modules.mapping.draw_kernels import draw, image_window, in_sensor
+from fluentboard_modules.mapping.view_kernels import compare
 
 _BESIDE_M = 0.01
 _RELIEF_REACH_M = 0.1

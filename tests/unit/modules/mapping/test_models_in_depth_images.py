@@ -17,11 +17,11 @@ from fluentboard_modules.mapping.config import (
     VisibilityConfig,
 )
 from fluentboard_modules.mapping.depth_views import DepthView, thin_view
+from fluentboard_modules.mapping.draw_kernels import draw
 from fluentboard_modules.mapping.evidence import Evidence, gather_evidence
 from fluentboard_modules.mapping.nearest_samples import VOXEL_M
 from fluentboard_modules.mapping.placement import Looker
 from fluentboard_modules.mapping.refinement import Heading, refine
-from fluentboard_modules.mapping.view_kernels import draw
 from fluentboard_modules.mapping.visibility import scene_points
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.noise import NoiseConfig
