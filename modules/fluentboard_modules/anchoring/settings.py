@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sized
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring.config import AnchoringConfig
+from fluentboard_modules.frames.recordings import LiveSource
 from fluentboard_modules.frames.sensor_frame import FrameSource
 
 logger = logging.getLogger(__name__)
@@ -63,9 +64,11 @@ def for_short_recordings(config: AnchoringConfig, source: FrameSource) -> Anchor
     has fewer would leave nothing on the board; unless the settings name that number themselves, it
     is lowered to what the recording has.
     """
-    frames = len(source) if isinstance(source, Sized) else None
+    if isinstance(source, LiveSource):
+        return config
+    frames = len(source)
     world = config.world
-    if frames is None or not 0 < frames < world.confirm_frames:
+    if not 0 < frames < world.confirm_frames:
         return config
     if "confirm_frames" in world.model_fields_set:
         logger.warning(

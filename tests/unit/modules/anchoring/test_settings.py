@@ -10,6 +10,7 @@ import pytest
 from fluentboard.errors import InvalidInput
 from fluentboard_modules.anchoring.config import AnchoringConfig
 from fluentboard_modules.anchoring.settings import for_short_recordings, read_settings
+from fluentboard_modules.frames.live import LiveFrames
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 
 
@@ -93,3 +94,8 @@ def test_a_number_of_frames_that_the_settings_name_stays(
     named = read_settings(file_of(tmp_path, "world: {confirm_frames: 2}\n"), {})
     assert for_short_recordings(named, Stills(1)).world.confirm_frames == 2
     assert "asks for 2 before an object is anchored" in caplog.text
+
+
+def test_live_frames_have_no_number_that_settings_could_be_fitted_to() -> None:
+    live = LiveFrames("http://127.0.0.1:1", "head")
+    assert for_short_recordings(AnchoringConfig(), live) == AnchoringConfig()
