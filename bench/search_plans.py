@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import math
 import os
 import platform
 from pathlib import Path
@@ -19,6 +20,8 @@ from typing import Any
 from bench.measuring import Report
 from fluentboard_modules.search.evaluate import TITLES, EvaluationOptions, evaluate_search
 from fluentboard_modules.search.evaluation import EXPERIMENTS
+from fluentboard_modules.search.figure_of_planners import draw_figure_5_9
+from fluentboard_modules.search.summaries import Summary
 
 _RESULTS = Path(__file__).resolve().parent / "results" / "search_plans.json"
 _TARGETS = {
@@ -86,6 +89,10 @@ def reports_of(results: dict[str, Any]) -> list[Report]:
     return reports
 
 
+def _summary(row: dict[str, Any]) -> Summary:
+    return Summary(**{key: math.inf if value is None else value for key, value in row.items()})
+
+
 def _percent(value: float, interval: float) -> str:
     return f"{100 * value:+.1f} ± {100 * interval:.1f} %"
 
@@ -95,12 +102,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.search_plans", description=__doc__)
     parser.add_argument("file", type=Path, nargs="+", help="outputs of `evaluate search`")
     parser.add_argument("--command", required=True, help="how they were made")
+    parser.add_argument("--picture", type=Path, help="draw Figure 5.9 there (PNG)")
     arguments = parser.parse_args()
-    reports = [
-        report
-        for path in arguments.file
-        for report in reports_of(json.loads(path.read_text(encoding="utf-8")))
-    ]
+    results = [json.loads(path.read_text(encoding="utf-8")) for path in arguments.file]
+    reports = [report for one in results for report in reports_of(one)]
+    if arguments.picture is not None:
+        tables = {
+            name: [_summary(row) for row in rows]
+            for one in results
+            for name, rows in one["experiments"].items()
+        }
+        draw_figure_5_9(tables, arguments.picture)
     kept = {
         "date": datetime.date.today().isoformat(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, "

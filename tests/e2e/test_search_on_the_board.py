@@ -17,6 +17,7 @@ from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard.model.interval import UNKNOWN, Interval
 from fluentboard_client import Client
 from fluentboard_modules.demo.service_process import ServiceProcess
+from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.geometry_fluents import pose_fluent
 from fluentboard_modules.search.board_memory import BoardMemory
 from fluentboard_modules.search.config import PlannerConfig, SearchConfig, ViewSamplingConfig
@@ -141,6 +142,52 @@ def test_robots_share_a_search_by_claiming_views(service: ServiceProcess) -> Non
         assert not any(
             board.fluent(str(view)).finish.is_unknown for view in activity.values("hasView")
         )
+
+
+def test_robots_that_think_alike_do_not_look_alike(service: ServiceProcess) -> None:
+    """Equal robots at one place, asked at once, without volumes that they could agree upon."""
+    with Client(service.address) as board:
+        start = Interval.at(50.0)  # their clocks stand at 2
+        board.assert_fluents(request_fluents("search_alike", target_class="Vase", start=start))
+        both = threading.Barrier(2)
+
+        class Together(WatchfulSimulatedRobot):
+            """Waits for the other before its first plan."""
+
+            looks = 0
+
+            def sense(self) -> SensorFrame:
+                if self.looks == 0:
+                    both.wait(20.0)
+                self.looks += 1
+                return super().sense()
+
+        def go(name: str) -> None:
+            room = hidden_pepper_mill(1)
+            robot = Together(
+                PR2, room.scene, room.start, np.random.default_rng(0), image_width=80, start_s=2.0
+            )
+            with Client(service.address, author=f"search/{name}") as own:
+                world = replace(open_world(SOURCE), robot=robot)
+                SearchWorker(world, own, StopRequest(), name=name, config=HASTY).run(once=True)
+
+        threads = [threading.Thread(target=go, args=(name,)) for name in ("pr6", "pr7")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        activity = board.fluent("search_alike")
+        assert not activity.finish.is_unknown
+        assert activity.finish.earliest is not None
+        assert activity.finish.earliest > 50.0
+        taken = [
+            board.fluent(str(pose)).values("hasX") + board.fluent(str(pose)).values("hasY")
+            for view in map(board.fluent, map(str, activity.values("hasView")))
+            if list(view.values("hasViewOutcome")) == ["taken"]
+            for pose in view.values("hasPose")
+        ]
+        assert len(taken) > 1
+        assert len(set(taken)) == len(taken)
 
 
 def test_ending_the_activity_cancels_the_search(service: ServiceProcess) -> None:

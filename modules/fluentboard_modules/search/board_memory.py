@@ -142,12 +142,19 @@ class BoardMemory:
         """Whether another robot has an open claim."""
         return any(view.finish.is_unknown for view in self._views_of_others(search))
 
-    def taken_by_others(self, search: str) -> list[Transform]:
-        """Poses of the sensor, in the map frame, of views that other robots claim or have taken."""
+    def taken_by_others(self, search: str, before: str = "") -> list[Transform]:
+        """Poses of the sensor, in the map frame, of views that other robots claim or have taken.
+
+        Args:
+            search: the activity.
+            before: name of a view; only what was claimed before it counts.
+        """
+        latest = self._fluent(before).created if before else None
         poses: list[Transform] = []
         for view in self._views_of_others(search):
             outcome = view.values("hasViewOutcome")
-            if view.values("hasPose") and (not outcome or outcome[-1] == "taken"):
+            is_earlier = latest is None or view.created < latest
+            if is_earlier and view.values("hasPose") and (not outcome or outcome[-1] == "taken"):
                 pose = pose_of(self._fluent(str(view.values("hasPose")[-1])))
                 poses.append(pose.to_transform())
         return poses

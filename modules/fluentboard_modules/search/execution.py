@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -136,31 +137,35 @@ class ObjectSearch:
         the step says so.
 
         Args:
-            before_moving: is shown the step as planned (its outcome still open), to claim the view.
+            before_moving: is shown the step as planned (its outcome still open), to claim the view;
+                False makes it plan again, without the cells that are `elsewhere` by then.
         """
         budget = self._config.time_budget_s
         if budget is not None and self.record.duration_s >= budget:
             return self._ended("out-of-time")
         views, problem = self._problem()
-        if problem is None or problem.total_probability <= 0.0:
-            return self._ended("exhausted")
-        if problem.total_probability < self._config.threshold:
-            return self._ended("below-threshold")
-        begun = self._clock()
-        plan = self._plan(views, problem)
-        planning_s = self._clock() - begun
-        plan = bounded(problem, plan)
-        if not plan.views:
-            return self._ended("exhausted")
-        chosen = views.views[plan.views[0]]
+        planning_s = 0.0
+        while True:
+            if problem is None or problem.total_probability <= 0.0:
+                return self._ended("exhausted")
+            if problem.total_probability < self._config.threshold:
+                return self._ended("below-threshold")
+            begun = self._clock()
+            plan = self._plan(views, problem)
+            planning_s += self._clock() - begun
+            plan = bounded(problem, plan)
+            if not plan.views:
+                return self._ended("exhausted")
+            chosen = views.views[plan.views[0]]
+            promised = views.cells_of(plan.views[0])
+            start = self._robot.view
+            step = self._as_planned(views, problem, plan, chosen, len(promised), start)
+            if before_moving is None or before_moving(step) is not False:
+                break
+            problem = replace(problem, cell_p=np.where(self.elsewhere, 0.0, problem.cell_p))
         self._previous = tuple(views.views[v] for v in plan.views[1:])
-        promised = views.cells_of(plan.views[0])
-        start = self._robot.view
-        step = self._as_planned(views, problem, plan, chosen, len(promised), start)
-        if before_moving is not None:
-            before_moving(step)
         unknown = self._region.unknown(self._occupancy)
-        reached = self._go(chosen, planning_s)
+        reached = self._go(chosen, planning_s, step.path)
         left = self._region.unknown(self._occupancy)
         revealed = unknown & ~left  # before any are given up: those were not seen
         if reached:
@@ -301,13 +306,14 @@ class ObjectSearch:
 
     # -- moving and looking ---------------------------------------------------------------------
 
-    def _go(self, view: View, planning_s: float) -> bool:
+    def _go(self, view: View, planning_s: float, way: FloatArray) -> bool:
         robot = self._robot
         # Planning happens before anything moves.
         self._note(0.0, planning_s)
         watchful = robot if isinstance(robot, WatchfulRobot) else None
         if watchful is not None:
-            watchful.attend(self._region.centre(self._occupancy))
+            range_max_m = self._model.range_m[1]
+            watchful.attend(self._region.worth_watching(self._occupancy, way, range_max_m))
         began = robot.time_s
         reached = True
         try:

@@ -51,7 +51,8 @@ def draw_figure_5_9(tables: Mapping[str, Sequence[Summary]], path: Path) -> None
             axes.errorbar(row.total_s, y, xerr=interval, color=_INK, capsize=2.5, lw=0.9)
             end = row.total_s + interval
             longest = max(longest, end)
-            axes.text(-2.0, y, row.planner, ha="right", va="center", color=_INK, fontsize=8.5)
+            label = _label(row.planner, tables[name])
+            axes.text(-2.0, y, label, ha="right", va="center", color=_INK, fontsize=8.5)
             text = f"{row.total_s:.0f} s"
             if row.planner != "greedy":
                 paired = 100 * row.against_interval
@@ -81,6 +82,11 @@ def _shown(rows: Sequence[Summary]) -> list[Summary]:
     bounded = [row for row in rows if row.planner.startswith("b&b")]
     best = min(bounded, key=lambda row: row.total_s, default=None)
     return [row for row in rows if row not in bounded or row is best]
+
+
+def _label(planner: str, rows: Sequence[Summary]) -> str:
+    settings = sum(row.planner.startswith("b&b") for row in rows)
+    return f"{planner}\n(best of {settings})" if planner[:3] == "b&b" and settings > 1 else planner
 
 
 def _colour(planner: str) -> str:

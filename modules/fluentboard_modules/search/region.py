@@ -108,6 +108,29 @@ class Region:
             weight = np.ones(len(self.cells))
         return np.average(occupancy.centres(self.cells), axis=0, weights=weight)
 
+    def worth_watching(
+        self, occupancy: OccupancyMap, way: FloatArray, range_max_m: float
+    ) -> FloatArray:
+        """`(3,)`; what to look at on a way: the volume in reach with most that is still unseen.
+
+        Args:
+            occupancy: the map.
+            way: `(n, 2)`; points along the way, evenly spaced.
+            range_max_m: how far the robot recognises things.
+        """
+        weight = self.probability(occupancy)
+        best, chosen = 0.0, None
+        for members in self.members:
+            own = weight[members]
+            if own.sum() <= 0.0:
+                continue
+            middle = np.average(occupancy.centres(self.cells[members]), axis=0, weights=own)
+            passed = float((np.linalg.norm(way - middle[:2], axis=1) <= range_max_m).mean())
+            value = passed * -math.expm1(float(np.log1p(-own).sum()))
+            if value > best:
+                best, chosen = value, middle
+        return self.centre(occupancy) if chosen is None else chosen
+
     def believe(self, probabilities: Sequence[float], counted: Sequence[int] | None = None) -> None:
         """Takes new P_i for the volumes, as when a source on the board changes its mind."""
         self.volumes = tuple(

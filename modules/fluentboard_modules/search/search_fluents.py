@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from fluentboard.model.fluent import Fluent, Property
 from fluentboard.model.geometry import Pose
@@ -57,6 +58,11 @@ class SearchFluents:
             self._activity(Property("hasView", "View", view)),
         ]
 
+    @property
+    def claimed(self) -> str:
+        """Name of the view that is claimed; empty if none is."""
+        return self._claimed[0] if self._claimed else ""
+
     def done(self, step: SearchStep) -> list[Statement]:
         """What became of the view, and how far the search is now."""
         now = Interval.at(step.stamp_s)
@@ -81,14 +87,20 @@ class SearchFluents:
 
     def leave(self, time_s: float) -> list[Statement]:
         """The robot takes no further part: its claim and its progress are over."""
-        now = Interval.at(time_s)
-        statements: list[Statement] = [Ending(name, now) for name in self._claimed]
-        if self._claimed:
-            released = Property("hasViewOutcome", "xsd:string", "released")
-            statements.insert(0, Fluent(self._claimed[0], "View", properties=(released,)))
+        statements = self.release(time_s)
         if self._progress:
-            statements.append(Ending(self._progress, now))
-        self._claimed, self._progress = [], ""
+            statements.append(Ending(self._progress, Interval.at(time_s)))
+        self._progress = ""
+        return statements
+
+    def release(self, time_s: float) -> list[Statement]:
+        """The claimed view is left to others, if there is one."""
+        if not self._claimed:
+            return []
+        released = Property("hasViewOutcome", "xsd:string", "released")
+        statements: list[Statement] = [Fluent(self._claimed[0], "View", properties=(released,))]
+        statements += [Ending(name, Interval.at(time_s)) for name in self._claimed]
+        self._claimed = []
         return statements
 
     def result(self, outcome: str, time_s: float, found: Fluent | None = None) -> list[Statement]:
@@ -131,6 +143,15 @@ def result_fluent(name: str, result: str) -> Fluent:
     return Fluent(
         name, "SearchObjectActivity", properties=(Property("hasResult", "xsd:string", result),)
     )
+
+
+def map_fluent(robot: str, path: Path, resolution_m: float) -> Fluent:
+    """Where a robot keeps its map."""
+    properties = (
+        Property("hasMapFile", "xsd:string", str(path.resolve())),
+        Property("hasResolution", "xsd:double", resolution_m),
+    )
+    return Fluent(f"occupancyMap_{robot}", "OccupancyMap", properties=properties)
 
 
 def belief_fluents(

@@ -41,10 +41,11 @@ from fluentboard_modules.search.request import (
 from fluentboard_modules.search.search_fluents import (
     SearchFluents,
     belief_fluents,
+    map_fluent,
     result_fluent,
     story,
 )
-from fluentboard_modules.search.worlds import SearchWorld
+from fluentboard_modules.search.worlds import IdleRobot, SearchWorld
 from fluentboard_modules.statements import Ending, Statement
 from fluentboard_modules.worker import BatchWriter, StopRequest
 
@@ -53,6 +54,7 @@ logger = logging.getLogger(__name__)
 _IDLE_S = 0.5
 _STILL_S = 0.2  # between frames of a robot that waits, on its own clock
 _CONTEXT_WAIT_S = 10.0
+_CLAIMED_SHARE = 0.5  # of what a view shows; with more of it claimed by others, it is theirs
 _DEFAULT_PROBABILITY = 0.2  # P_i of Section 5.3
 
 
@@ -126,6 +128,9 @@ class SearchWorker:
 
     def _serve(self, activity: Fluent) -> None:
         told = SearchFluents(activity.name, self._name, self._world.robot.model)
+        asked_s = activity.start.latest
+        if asked_s is not None and isinstance(self._world.robot, IdleRobot):
+            self._world.robot.idle_until(asked_s)
         self._left.add(activity.name)
         try:
             request, volumes = self._prepared(activity)
@@ -157,7 +162,7 @@ class SearchWorker:
         logger.info("search %s for %s: %s", request.name, request.target, story(search.record))
         if self._map_file is not None:
             write_octomap(self._map, self._map_file)
-            self._write(self._map_fluents(self._map_file))
+            self._write([map_fluent(self._name, self._map_file, self._map.resolution_m)])
 
     def _search(
         self,
@@ -174,10 +179,14 @@ class SearchWorker:
         if not is_known:
             search.look_around()
 
-        def claim(planned: SearchStep) -> None:
+        def claim(planned: SearchStep) -> bool:
+            self._write(told.claim(planned, robot.time_s))
+            if not self._is_first(search, request, told, planned):
+                self._write(told.release(robot.time_s))
+                return False
             if album is not None:
                 album.look(search, planned)
-            self._write(told.claim(planned, robot.time_s))
+            return True
 
         while True:
             self._take_note(shown, request)
@@ -264,7 +273,7 @@ class SearchWorker:
         request = read_request(activity, self._memory.geometry(), self._config)
         places = [(name, box) for name, box, _ in request.volumes]
         if not places:
-            places = self._own_volumes(request.name)
+            places = self._own_volumes(request.name, activity.start)
         given = {name: p for name, _, p in request.volumes if p is not None}
         believed: dict[str, float] = {}
         if request.source == "co-occurrence" and request.target_class:
@@ -281,8 +290,11 @@ class SearchWorker:
             for name, box in places
         ]
 
-    def _own_volumes(self, search: str) -> list[tuple[str, BoundingBox]]:
-        """Volumes above the placing areas, or those of the world; written to the board."""
+    def _own_volumes(self, search: str, since: Interval) -> list[tuple[str, BoundingBox]]:
+        """Volumes above the placing areas, or those of the world; written to the board.
+
+        All robots that serve the search write the same.
+        """
         areas = self._memory.placing_areas()
         over = [
             volume
@@ -292,7 +304,6 @@ class SearchWorker:
         if not over:
             logger.info("no placing areas on the board; searching the volumes of the world")
             over = [(name, box, "") for name, box in self._world.volumes.items()]
-        since = Interval.at(self._world.robot.time_s)
         statements: list[Statement] = []
         links: list[Property] = []
         for name, box, area in over:
@@ -340,8 +351,22 @@ class SearchWorker:
 
     def _mind_others(self, search: ObjectSearch, request: SearchRequest) -> None:
         """Leaves to other robots what they have claimed or taken."""
+        search.elsewhere[:] = False  # what somebody could not reach is everybody's again
         for T_map_sensor in self._memory.taken_by_others(request.name):
             search.elsewhere[search.cells_seen_from(T_map_sensor)] = True
+
+    def _is_first(
+        self, search: ObjectSearch, request: SearchRequest, told: SearchFluents, step: SearchStep
+    ) -> bool:
+        """Whether nobody has claimed most of what a view shows while it was being planned."""
+        earlier = self._memory.taken_by_others(request.name, before=told.claimed)
+        if not earlier:
+            return True
+        own = search.cells_seen_from(self._world.robot.model.T_map_sensor(step.view))
+        own = own[~search.elsewhere[own]]
+        for T_map_sensor in earlier:
+            search.elsewhere[search.cells_seen_from(T_map_sensor)] = True
+        return not len(own) or bool(search.elsewhere[own].mean() <= _CLAIMED_SHARE)
 
     # -- frames ---------------------------------------------------------------------------------
 
@@ -363,13 +388,6 @@ class SearchWorker:
         frames.clear()
 
     # -- board ----------------------------------------------------------------------------------
-
-    def _map_fluents(self, path: Path) -> list[Statement]:
-        properties = (
-            Property("hasMapFile", "xsd:string", str(path.resolve())),
-            Property("hasResolution", "xsd:double", self._map.resolution_m),
-        )
-        return [Fluent(f"occupancyMap_{self._name}", "OccupancyMap", properties=properties)]
 
     def _write(self, statements: Sequence[Statement]) -> None:
         commands: list[Command] = [

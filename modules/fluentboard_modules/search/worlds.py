@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -25,6 +26,15 @@ from fluentboard_modules.simulation.watchful_robot import WatchfulSimulatedRobot
 IMAGE_WIDTH = 320
 RECOGNITION_WIDTH = 640
 """Pixels across an image in which tableware can be recognised; the map needs fewer."""
+
+
+@runtime_checkable
+class IdleRobot(Protocol):
+    """A robot whose clock stands still while it has nothing to do, as in a simulation."""
+
+    def idle_until(self, time_s: float) -> None:
+        """Does nothing up to a time on the board's time axis."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,6 +105,22 @@ def test_a_view_that_cannot_be_reached_is_given_up(room: SearchScene) -> None:
     assert second.view != first.view
 
 
+def test_on_its_way_the_robot_watches_what_it_passes_and_has_not_seen(room: SearchScene) -> None:
+    search = search_in(room)
+    region, occupancy = search.region, search.occupancy
+    near = region.volumes[0].box.pose
+    way = np.array([[near.x + 0.2, near.y], [near.x + 0.4, near.y]])
+    watched = region.worth_watching(occupancy, way, 1.0)
+    assert np.hypot(*(watched[:2] - (near.x, near.y))) < 0.2
+    # What has been seen is worth no look.
+    occupancy.set_cells(region.cells[region.members[0]], -1.0)
+    watched = region.worth_watching(occupancy, way, 20.0)
+    assert np.hypot(*(watched[:2] - (near.x, near.y))) > 0.3
+    # Where nothing is in reach, the middle of all will do.
+    nowhere = np.full((2, 2), 100.0)
+    assert region.worth_watching(occupancy, nowhere, 1.0) == pytest.approx(region.centre(occupancy))
+
+
 def test_cells_of_others_are_left_to_them(room: SearchScene) -> None:
     search = search_in(room)
     search.elsewhere[:] = True
@@ -118,6 +134,23 @@ def test_the_step_is_shown_before_the_robot_moves(room: SearchScene) -> None:
     step = search.step(lambda planned: shown.append(planned.view))
     assert step is not None
     assert shown == [step.view]
+
+
+def test_a_view_that_somebody_else_has_just_claimed_is_left_to_him(room: SearchScene) -> None:
+    search = search_in(room)
+    refused: list[SearchStep] = []
+
+    def claim(planned: SearchStep) -> bool:
+        if refused:
+            return True
+        refused.append(planned)
+        search.elsewhere[search.cells_seen_from(PR2.T_map_sensor(planned.view))] = True
+        return False
+
+    step = search.step(claim)
+    assert step is not None
+    assert step.view != refused[0].view
+    assert [s.view for s in search.record.steps] == [step.view]
 
 
 def test_the_expected_time_weighs_each_second_with_the_chance_to_need_it() -> None:
@@ -153,8 +186,8 @@ def test_a_detector_that_reaches_no_farther_than_the_camera_is_blind_is_refused(
 
 
 def test_a_detector_that_misses_gets_a_second_look(room: SearchScene) -> None:
-    sure = search_in(room)
-    unsure = search_in(room, CONFIG.model_copy(update={"recall": 0.5}))
+    sure = search_in(room, CONFIG.model_copy(update={"threshold": 0.1}))
+    unsure = search_in(room, CONFIG.model_copy(update={"threshold": 0.1, "recall": 0.5}))
     for search in (sure, unsure):
         while search.step() is not None:
             assert len(search.record.steps) < 60
