@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,9 @@ from fluentboard_modules.mapping.visibility import Visibility, compare_with_view
 
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
 _GLANCE_VIEWS = 3
+# Shares of what speaks for the first place that another must gain, if it is so far off.
+_TURNED_RAD, _TURNED_DOUBT = 0.5, 0.05
+_MOVED_M, _MOVED_DOUBT = 0.03, 0.02
 _HOPELESS = 0.2  # nothing is aligned below this closeness
 SETTLED_SCORE = 0.9
 """Nothing is searched from here on."""
@@ -108,7 +112,7 @@ def best_place(
     Args:
         looker: at the model.
         starts: where it may stand.
-        reach_m: a place that ICP finds further off than this is another piece's.
+        reach_m: a place further off than this from the likeliest start is another piece's.
 
     Returns:
         The likeliest of the starts before anything was aligned, and the best place.
@@ -125,30 +129,50 @@ def best_place(
     else:
         likeliest, tried = starts[0], starts
     initial = best = looker.look(likeliest)
+    merit = _Merit(initial, reach_m)
     for start in tried:
         points = _points_around(looker, start)
         aligned = align(points, looker.model, start, config.alignment)
-        places = [start]
-        if np.hypot(aligned.x - start.x, aligned.y - start.y) <= reach_m:
-            places.insert(0, aligned)
-        best = max([best, *map(looker.look, places)], key=_gain)
-    best = _refined(looker, best)
+        best = max([best, *map(looker.look, (aligned, start))], key=merit)
+    best = _refined(looker, best, merit)
     if best.score < SETTLED_SCORE:
-        searched = _searched(looker, best)
+        searched = _searched(looker, best, merit)
         if searched is not best:
-            best = _refined(looker, searched)
+            best = _refined(looker, searched, merit)
     return initial, best
 
 
-def _gain(trial: Trial) -> float:
-    return trial.gain
+class _Merit:
+    """What speaks for a place, less if it is another one than planes and the first look had found.
+
+    A little more of the surface explained is no reason to turn a chair around. And of two tables
+    that touch, either explains some of the other if it slides onto it.
+
+    Args:
+        initial: the likeliest place before anything was aligned.
+        reach_m: what is further off is another piece's place.
+    """
+
+    def __init__(self, initial: Trial, reach_m: float) -> None:
+        self._initial = initial
+        self._reach_m = reach_m
+
+    def __call__(self, trial: Trial) -> float:
+        first, then = self._initial.standing, trial.standing
+        turned = abs(math.remainder(then.yaw_rad - first.yaw_rad, 2.0 * math.pi))
+        moved = math.hypot(then.x - first.x, then.y - first.y)
+        if moved > self._reach_m:
+            return -math.inf
+        doubt = _TURNED_DOUBT if turned > _TURNED_RAD else 0.0
+        doubt += _MOVED_DOUBT if moved > _MOVED_M else 0.0
+        return trial.gain - doubt * abs(self._initial.visibility.close)
 
 
-def _refined(looker: Looker, best: Trial) -> Trial:
-    return max(best, looker.look(looker.refine(best.standing).standing), key=_gain)
+def _refined(looker: Looker, best: Trial, merit: _Merit) -> Trial:
+    return max(best, looker.look(looker.refine(best.standing).standing), key=merit)
 
 
-def _searched(looker: Looker, best: Trial) -> Trial:
+def _searched(looker: Looker, best: Trial, merit: _Merit) -> Trial:
     """A better place nearby, if there is one: ICP does not notice where a top ends unseen."""
     if best.is_hopeless:
         return best
@@ -162,7 +186,7 @@ def _searched(looker: Looker, best: Trial) -> Trial:
                 break
     if nearby is here:
         return best
-    return max(best, looker.look(nearby.standing), key=_gain)
+    return max(best, looker.look(nearby.standing), key=merit)
 
 
 def _points_around(looker: Looker, standing: Standing) -> FloatArray:

@@ -120,8 +120,9 @@ def refine(
             certainty = 1.0 / (config.independent_share * heading.sigma_rad**2)
             information[2, 2] += certainty
             gradient[2] += certainty * heading.difference_rad(standing.yaw_rad)
-        # What no pixel binds stays where it is.
-        damping = config.damping * float(np.trace(information[:2, :2])) * np.diag([1.0, 1.0, 0.1])
+        # What no pixel binds stays where it is; a top alone binds nothing level at all.
+        held = config.damping * float(np.trace(information[:2, :2])) + 1.0
+        damping = held * np.diag([1.0, 1.0, 0.1])
         dx, dy, dyaw = np.linalg.solve(information + damping, gradient).tolist()
         standing = standing.moved(
             float(np.clip(dx, -scale, scale)),

@@ -101,13 +101,11 @@ class EvidenceConfig(Settings):
         description="Books stand 2 to 5 cm behind the edges of their boards, walls do not.",
     )
     bodies: OddsConfig = Field(
-        default=OddsConfig(
-            intercept=-11.3, explained=2.7, closeness=10.3, outline=3.3, misfit=-1.2
-        ),
+        default=OddsConfig(intercept=-11.7, explained=6.7, closeness=5.8, outline=3.8, misfit=-1.2),
         description="Of what was recognised by a seat, a top or a back.",
     )
     fronts: OddsConfig = Field(
-        default=OddsConfig(intercept=-16.5, explained=5.9, closeness=5.6, outline=5.6, relief=4.1),
+        default=OddsConfig(intercept=-12.1, explained=7.0, closeness=3.2, outline=3.2, relief=3.7),
         description="Of what was recognised by its front: what stands in it spoils the misfit.",
     )
 

@@ -33,7 +33,8 @@ from fluentboard_modules.mapping.visibility import (
 # Metres along either axis, radians: the backs of four chairs of the 7-Scenes red kitchen were off
 # by 1.3 cm and 1.1 degrees (root mean square); twice that, since four are few.
 _GENERIC_SIGMA = (0.026, 0.026, 0.04)
-_ROW_STEPS_M = (0.2, 0.1, 0.05)  # by which a row is shifted
+_ROW_STEPS_M = (0.2, 0.1, 0.05, 0.025)  # by which a row is shifted
+_IN_ROW_REACH_M = 0.03  # the others of the row hold each piece in its place
 _BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
 
 
@@ -215,7 +216,9 @@ def _try_model(
         shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
         shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
         best = max(shifted, key=gain)
-    return tuple(_best_of(looker, [standing], geometry, reach_m=0.2) for standing in best)
+    return tuple(
+        _best_of(looker, [standing], geometry, reach_m=_IN_ROW_REACH_M) for standing in best
+    )
 
 
 def _best_of(

@@ -24,6 +24,7 @@ from fluentboard_modules.mapping.placement import Looker
 from fluentboard_modules.mapping.refinement import Heading, refine
 from fluentboard_modules.mapping.visibility import scene_points
 from fluentboard_modules.simulation import furniture
+from fluentboard_modules.simulation.mesh import Mesh
 from fluentboard_modules.simulation.noise import NoiseConfig
 from fluentboard_modules.simulation.scene import Instance, Scene
 from fluentboard_modules.simulation.sensor import RgbdSensor
@@ -91,6 +92,20 @@ def test_what_shows_no_pixel_stays_where_it_is() -> None:
 
     assert found.standing == start
     assert found.n_pixels < RefinementConfig().pixels_least
+
+
+def test_a_level_sheet_binds_no_place() -> None:
+    sheet = Mesh(
+        np.array([[-0.4, -0.4, 0.0], [0.4, -0.4, 0.0], [0.4, 0.4, 0.0], [-0.4, 0.4, 0.0]]),
+        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+    )
+    start = Standing(0.0, 0.0, 0.2)
+    model = CadModel("sheet", "Table", sheet)
+
+    found = refine(model, start, [look((1.6, 0.9, 1.4))], VisibilityConfig(), RefinementConfig())
+
+    assert found.n_pixels > RefinementConfig().pixels_least
+    assert (found.standing.x, found.standing.y) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def test_a_heading_that_is_known_exactly_is_kept() -> None:
