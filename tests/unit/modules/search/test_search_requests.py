@@ -192,6 +192,17 @@ def test_a_robot_searches_in_a_map() -> None:
         robot.move_to(View(3.5, 2.0, 0.0))
 
 
+def test_a_floor_plan_reaches_as_far_as_the_map_knows_what_a_robot_could_hit() -> None:
+    room = OccupancyMap(0.1)
+    room.set_cells(np.array([[-13, 4, 5], [21, -30, 12]]), -1.0)
+    room.set_cells(np.array([[90, 4, -3], [-70, 4, 60]]), 1.0)  # in the floor, above the robot
+    plan = costmap_of(room, PR2)
+    assert plan.cost.shape == (4 + 30 + 1, 21 + 13 + 1)
+    assert plan.origin == pytest.approx((-1.3, -3.0))
+    with pytest.raises(InvalidInput, match="knows nothing"):
+        costmap_of(room, PR2, floor_z_m=20.0)
+
+
 @pytest.mark.parametrize("name", list(ROBOTS))
 def test_every_robot_stands_in_a_map_as_it_can(name: str, tmp_path: Path) -> None:
     room = OccupancyMap(0.1)
