@@ -128,6 +128,19 @@ def test_a_query_of_a_transaction_that_never_ends_is_ended(board: httpx.Client) 
     assert board.delete(at).status_code == 204
 
 
+def test_a_query_that_nobody_waits_for_any_more_is_ended(tmp_path: Path) -> None:
+    (tmp_path / "board.yaml").write_text("limits: {query_timeout_s: 3600, queries_at_once: 1}")
+    arguments = ("--config", str(tmp_path / "board.yaml"))
+    with (
+        ServiceProcess(tmp_path / "data", arguments=arguments) as patient,
+        httpx.Client(base_url=patient.address, trust_env=False, timeout=120.0) as board,
+    ):
+        for _ in range(2):  # more than are evaluated at once, and each would take an hour
+            with pytest.raises(httpx.ReadTimeout):
+                board.get("/sparql", params={"query": ENDLESS}, timeout=0.2)
+        assert mugs(board) == 0
+
+
 def test_a_query_that_takes_too_much_memory_ends_alone(board: httpx.Client) -> None:
     reply = board.get("/sparql", params={"query": GREEDY})
     # On a slow machine the time may be over first.

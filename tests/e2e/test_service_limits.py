@@ -116,8 +116,8 @@ def test_a_runaway_query_holds_up_neither_reads_nor_writes_nor_the_stop(tmp_path
         replies: list[httpx.Response] = []
 
         def ask() -> None:
-            params = {"query": endless}
-            replies.append(httpx.get(service.address + "/sparql", params=params, trust_env=False))
+            address, params = service.address + "/sparql", {"query": endless}
+            replies.append(httpx.get(address, params=params, trust_env=False, timeout=60.0))
 
         asking = threading.Thread(target=ask)
         asking.start()

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from fluentboard.api.answering import Question, Result, answer, written_short
+from fluentboard.api.exchange import Call, Disconnected
 from fluentboard.api.federation import check_services
 from fluentboard.api.point_queries import PointQuery, point_query
 from fluentboard.api.query_threads import QueryThreads
@@ -94,14 +95,19 @@ class Evaluator:
         """How many readers there are; 0 for a board in memory."""
         return 0 if self._readers is None else len(self._readers.process_ids)
 
-    async def evaluate(self, question: Question, *, is_costly: bool = False) -> Result:
+    async def evaluate(
+        self, question: Question, call: Call | None = None, *, is_costly: bool = False
+    ) -> Result:
         """The result of a query.
 
         Args:
             question: the query.
+            call: who asks, with nothing of the body unread; a query that takes long is ended when
+                nobody waits for it any more.
             is_costly: `at_once` has just said so.
 
         Raises:
+            Disconnected: nobody does.
             InvalidQuery: it does not parse, or cannot be evaluated.
             NotAllowed: it asks an endpoint that it may not.
             NotAcceptable: the client accepts no format that fits its form.
@@ -109,11 +115,11 @@ class Evaluator:
             TooLarge: its result is too long.
         """
         if question.at is not None or question.as_of is not None:
-            return await self._evaluated(question)
+            return await self._awaited(question, call)
         known = Costly.QUERY if is_costly else self.at_once(question)
         if isinstance(known, Result):
             return known
-        result = await self._evaluated(question)
+        result = await self._awaited(question, call)
         if result.text is not None and result.is_exact and question.is_timeless:
             answered = Cached(result.media_type, result.text)
             self._cache.put(result.commit, _key(question), answered)
@@ -148,6 +154,23 @@ class Evaluator:
         self._cache.put(commit, key, Cached(*answered), may_change=False)
         media_type, text = answered
         return Result(media_type, text, None, len(text), commit)
+
+    async def _awaited(self, question: Question, call: Call | None) -> Result:
+        """The result, as long as the client is there."""
+        if call is None:
+            return await self._evaluated(question)
+        evaluating = asyncio.ensure_future(self._evaluated(question))
+        leaving = asyncio.ensure_future(call.gone())
+        try:
+            await asyncio.wait((evaluating, leaving), return_when=asyncio.FIRST_COMPLETED)
+            if not evaluating.done():
+                raise Disconnected
+            return evaluating.result()
+        finally:
+            for task in (evaluating, leaving):
+                if not task.done():
+                    task.cancel()
+                    await asyncio.gather(task, return_exceptions=True)
 
     async def _evaluated(self, question: Question) -> Result:
         if self._applied < self._board.commit and point_query(question.text):

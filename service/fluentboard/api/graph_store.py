@@ -91,7 +91,7 @@ class GraphStoreRoutes:
             question = Question(_EVERYTHING, call.header(b"accept"), (graph.value,))
         else:
             question = Question(_EVERYTHING, call.header(b"accept"))
-        return result_reply(await self._evaluator.evaluate(question))
+        return result_reply(await self._evaluator.evaluate(question, call))
 
     async def put(self, call: Call) -> Reply:
         """Has a graph say what the body says, and nothing else."""

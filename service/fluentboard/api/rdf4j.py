@@ -234,7 +234,7 @@ class Rdf4jRoutes:
             # In RDF4J a query without a dataset sees all contexts at once.
             defaults, named = (DEFAULT_GRAPH, UNION_GRAPH), (UNION_GRAPH,)
         question = Question(queries[0], call.header(b"accept"), defaults, named)
-        return result_reply(await self._evaluator.evaluate(question))
+        return result_reply(await self._evaluator.evaluate(question, call))
 
     async def _put(self, call: Call, first: Callable[[Sequence[Graph]], list[Change]]) -> Reply:
         values = call.parameters()

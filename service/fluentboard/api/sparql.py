@@ -172,7 +172,7 @@ class SparqlRoutes:
         try:
             foreseen = call.foreseen
             is_costly = foreseen is not None and foreseen.is_costly and not base
-            result = await self._evaluator.evaluate(question, is_costly=is_costly)
+            result = await self._evaluator.evaluate(question, call, is_costly=is_costly)
         except InvalidQuery as problem:
             raise located(problem, text, len(base)) from None
         return result_reply(result)
