@@ -90,7 +90,7 @@ def evaluate_search(experiments: Sequence[str], options: EvaluationOptions) -> d
     }
     console.print(_table_5_1(run_times))
     results = {
-        "scene": options.scene.name if options.scene else "two rooms of the simulator",
+        "scene": _name_of(options.scene) if options.scene else "two rooms of the simulator",
         "trials": options.trials,
         "seed": options.seed,
         "looks_on_the_way": options.looks_on_the_way,
@@ -103,6 +103,11 @@ def evaluate_search(experiments: Sequence[str], options: EvaluationOptions) -> d
     if options.picture is not None:
         draw_figure_5_9(tables, options.picture)
     return results
+
+
+def _name_of(scene: Path) -> str:
+    """`kitchen.json`, but the folder of a file that is just called scene.json."""
+    return scene.resolve().parent.name if scene.name == "scene.json" else scene.name
 
 
 def _trials(

@@ -57,7 +57,7 @@ def summarise(trials: Sequence[KeptTrial], planners: Sequence[str]) -> list[Summ
         greedy = np.array([t.results["greedy"].total_s for t in done])
         total = np.array([t.results[name].total_s for t in done])
         ratio = total / np.maximum(greedy, 1e-9) - 1.0
-        ends = [min(r.probability for r in t.results.values()) for t in done]
+        ends = [min(t.results[n].probability for n in planners if n in t.results) for t in done]
         pairs = [
             (t.results[name].total_until_s(p), t.results["greedy"].total_until_s(p))
             for t, p in zip(done, ends, strict=True)
