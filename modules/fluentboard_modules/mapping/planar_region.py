@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from shapely.affinity import affine_transform
 from shapely.geometry import MultiPolygon, Polygon
 
 from fluentboard.model.geometry import FloatArray, Plane, Pose, Transform
 
+_NECK_M, _NARROW_SHARE = 0.05, 0.9  # half as wide as the necks that are cut
 _LEVEL_RAD = np.deg2rad(20.0)  # flatter than this, a region's x follows its longer side
 
 
@@ -145,14 +147,20 @@ def as_multipolygon(shape: object) -> MultiPolygon:
 
 
 def parts_of(region: PlanarRegion, least_m2: float = 0.01) -> list[PlanarRegion]:
-    """The islands of a region that has several: two backs in one plane are two chairs.
+    """The islands of a region that narrow necks or nothing joins: two seats are two chairs.
 
     Args:
         region: in the map frame.
         least_m2: smaller islands are left out.
+
+    Returns:
+        Empty if the region is in one piece and has no narrow parts worth mentioning.
     """
-    islands = [part for part in region.contour.geoms if part.area >= least_m2]
-    if len(region.contour.geoms) < 2:
+    whole = region.contour if region.contour.is_valid else shapely.make_valid(region.contour)
+    opened = as_multipolygon(whole.buffer(-_NECK_M).buffer(0.99 * _NECK_M))
+    islands = [part for part in opened.geoms if part.area >= least_m2]
+    kept_m2 = sum(part.area for part in islands)
+    if len(islands) < 2 and kept_m2 > _NARROW_SHARE * region.area_m2:
         return []
     found: list[PlanarRegion] = []
     for island in islands:

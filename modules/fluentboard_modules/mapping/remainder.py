@@ -9,7 +9,7 @@ measured, before anything else is compared with them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +23,37 @@ _NEAREST_M = 0.1
 _INSIDE_M = 0.03
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Explained:
+    """Which measurements in a part of an image a piece explains."""
+
+    window: tuple[slice, slice]
+    mask: NDArray[np.bool_]
+
+
+Memory = dict[tuple[int, str, Standing, bool], _Explained | None]
+"""What pieces explain of views: by identity of the view, model, place, and whether filled."""
+
+
 class Remainder:
     """Depth images of which found pieces are taken away, one after the other.
 
     Args:
         views: the images.
         config: how near to a model a measurement is explained.
+        memory: of what pieces explain, to be shared by all remainders of the same images.
     """
 
-    def __init__(self, views: Sequence[DepthView], config: VisibilityConfig) -> None:
+    def __init__(
+        self,
+        views: Sequence[DepthView],
+        config: VisibilityConfig,
+        memory: Memory | None = None,
+    ) -> None:
         self.views = list(views)
+        self._whole = list(views)
         self._config = config
-
-    def copy(self) -> Remainder:
-        """The same rest, to take away other things from it."""
-        return Remainder(self.views, self._config)
+        self._memory: Memory = {} if memory is None else memory
 
     def take(self, model: CadModel, standing: Standing, *, is_filled: bool = False) -> None:
         """Takes away what a piece explains.
@@ -47,14 +63,23 @@ class Remainder:
             standing: where it stands.
             is_filled: whether all within its box belongs to it, as the books in a shelf do.
         """
-        self.views = [self._without(view, model, standing, is_filled) for view in self.views]
+        for k, whole in enumerate(self._whole):
+            key = id(whole), model.name, standing, is_filled
+            if key not in self._memory:
+                self._memory[key] = self._explained(whole, model, standing, is_filled)
+            explained = self._memory[key]
+            if explained is None:
+                continue
+            rest = self.views[k].depth_m.copy()
+            rest[explained.window][explained.mask] = 0.0
+            self.views[k] = replace(self.views[k], depth_m=rest)
 
-    def _without(
+    def _explained(
         self, view: DepthView, model: CadModel, standing: Standing, is_filled: bool
-    ) -> DepthView:
+    ) -> _Explained | None:
         window = _window(view, model, standing)
         if window is None:
-            return view
+            return None
         rays, depth = view.rays[window], view.depth_m[window]
         T_model_sensor = standing.transform.inverse() @ view.T_map_sensor
         origin = T_model_sensor.translation.astype(np.float32)
@@ -66,18 +91,13 @@ class Remainder:
             np.float32(self._config.tolerance_m),
             np.float32(self._config.tolerance_sigma) * view.sigma_m[window],
         )
-        explained = _near(depth, hits.distance, tolerance)
+        mask = _near(depth, hits.distance, tolerance)
         if is_filled:
             low, high = model.mesh.bounds
             points = origin + depth[..., None] * directions
-            explained |= ((points >= low - _INSIDE_M) & (points <= high + _INSIDE_M)).all(
-                axis=-1
-            ) & (depth > 0.0)
-        if not explained.any():
-            return view
-        rest = view.depth_m.copy()
-        rest[window][explained] = 0.0
-        return replace(view, depth_m=rest)
+            in_box = (points >= low - _INSIDE_M) & (points <= high + _INSIDE_M)
+            mask |= in_box.all(axis=-1) & (depth > 0.0)
+        return _Explained(window, mask) if mask.any() else None
 
 
 def _near(

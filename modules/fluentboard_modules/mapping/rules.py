@@ -7,7 +7,7 @@ is decided later, over many frames.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -109,6 +109,7 @@ def partial_hypotheses(
     furniture: FurnitureClass,
     regions: Sequence[PlanarRegion],
     models: Sequence[CadModel] = (),
+    settled: Collection[int] | None = None,
 ) -> list[FurnitureHypothesis]:
     """Planes that have a label of a class's main or back plane without the rest of its definition.
 
@@ -122,6 +123,8 @@ def partial_hypotheses(
         furniture: the class.
         regions: that were classified.
         models: CAD models of the class.
+        settled: planes that need not be tried by themselves; by default those that a whole
+            definition begins with.
     """
     labels_of = classification.labels
     walls = [
@@ -132,11 +135,13 @@ def partial_hypotheses(
         and not labels.intersection(furniture.back_planes)
     ]
     # A backrest that took part in a definition may still be that of the chair next to it.
-    defined = {
-        hypothesis.main_plane
-        for hypothesis in classification.hypotheses
-        if hypothesis.class_name == furniture.name
-    }
+    defined = settled
+    if defined is None:
+        defined = {
+            hypothesis.main_plane
+            for hypothesis in classification.hypotheses
+            if hypothesis.class_name == furniture.name
+        }
     found: list[FurnitureHypothesis] = []
     for plane, labels in enumerate(classification.labels):
         wanted = [n for n in furniture.part_planes if n in labels]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fluentboard.model.geometry import Plane
 from fluentboard_modules.mapping.alignment import Standing
@@ -18,12 +20,12 @@ from fluentboard_modules.mapping.candidates import (
     with_verdicts,
 )
 from fluentboard_modules.mapping.config import MappingConfig
-from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.depth_views import DepthView, best_views
 from fluentboard_modules.mapping.furniture_item import box_overlap
 from fluentboard_modules.mapping.level_strips import common_headings, level_strips
 from fluentboard_modules.mapping.neighbours import stands_in_rows, with_neighbours
 from fluentboard_modules.mapping.planar_region import PlanarRegion, parts_of
-from fluentboard_modules.mapping.remainder import Remainder
+from fluentboard_modules.mapping.remainder import Memory, Remainder
 from fluentboard_modules.mapping.room_walls import is_in_wall, room_walls, without_walls
 from fluentboard_modules.mapping.row_splitting import best_pair
 from fluentboard_modules.mapping.rule_language import FurnitureClass
@@ -88,7 +90,8 @@ def find_furniture(
     search = _Search(regions, views, rules, library, config, floor)
     classification = rules.classify(regions, floor=floor, explain=False)
     whole = search.judge(classification.hypotheses)
-    parts = search.parts(classification)
+    held = {(one.furniture.name, one.main_plane) for one in whole}
+    parts = search.parts(classification, held)
     partial = search.judge_parts(parts, choose(whole, set(), config.furniture))
     chosen = choose([*whole, *partial], set(), config.furniture)
     chosen = search.fill_rows(search.split_rows(chosen))
@@ -116,6 +119,7 @@ class _Search:
         self._walls = room_walls(regions, views)
         self._views = without_walls(views, self._walls)
         self._rules, self._library, self._config = rules, library, config
+        self._explained: Memory = {}
         self.judged: list[Judged] = []
 
     def judge(self, hypotheses: Sequence[FurnitureHypothesis]) -> list[Candidate]:
@@ -126,8 +130,15 @@ class _Search:
             for found in self._verified(self._placed(hypothesis), self._views)
         ]
 
-    def parts(self, classification: Classification) -> list[FurnitureHypothesis]:
-        """What single planes say, the largest first: planes, parts of planes, and sides."""
+    def parts(
+        self, classification: Classification, held: Collection[tuple[str, int]]
+    ) -> list[FurnitureHypothesis]:
+        """What single planes say, the largest first: planes, parts of planes, and sides.
+
+        Args:
+            classification: of the planes.
+            held: class and main plane of the whole definitions that the images agree with.
+        """
         planes = list(self._regions)
         found: list[FurnitureHypothesis] = []
         islands = [part for region in planes for part in parts_of(region)]
@@ -137,7 +148,8 @@ class _Search:
             models = self._library.of_class(furniture.name)
             if not models:
                 continue
-            found += partial_hypotheses(classification, furniture, planes, models)
+            settled = {plane for name, plane in held if name == furniture.name}
+            found += partial_hypotheses(classification, furniture, planes, models, settled)
             of_islands = partial_hypotheses(labels, furniture, islands, models)
             found += [_moved_by(len(planes), one) for one in of_islands]
             for region, names in zip(planes, classification.labels, strict=True):
@@ -210,7 +222,11 @@ class _Search:
             if model is None or piece.fit is None or not stands_in_rows(model, piece):
                 continue
             others = [other for other in kept if other is not piece]
-            rest = self._rest_of(others)
+            box = piece.geometry.box
+            centre = np.array([box.pose.x, box.pose.y, box.pose.z])
+            radius = float(np.linalg.norm(box.sizes[:2]))
+            views = best_views(self._views, centre, radius, self._config.verification.views_max)
+            rest = self._rest_of(others, views)
             pose = piece.fit.pose
             pair = best_pair(
                 model,
@@ -223,7 +239,7 @@ class _Search:
                 continue
             two: list[Candidate] = []
             for k, standing in enumerate(pair):
-                alone = rest.copy()
+                alone = self._rest_of(others, views)
                 alone.take(model, pair[1 - k], is_filled=_is_filled(piece))
                 verdict = self._look(model, standing, piece, alone.views)
                 if verdict is not None and verdict.is_accepted:
@@ -286,8 +302,15 @@ class _Search:
             self.judged.append(Judged(piece, verdict))
         return verdict
 
-    def _rest_of(self, pieces: Sequence[Candidate]) -> Remainder:
-        rest = Remainder(self._views, self._config.verification.visibility)
+    def _rest_of(
+        self, pieces: Sequence[Candidate], views: Sequence[DepthView] | None = None
+    ) -> Remainder:
+        """What pieces leave unexplained of some views, by default of all."""
+        rest = Remainder(
+            self._views if views is None else views,
+            self._config.verification.visibility,
+            self._explained,
+        )
         for piece in pieces:
             self._take(rest, piece)
         return rest
