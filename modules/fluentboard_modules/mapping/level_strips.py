@@ -7,6 +7,7 @@ enough to look there with a CAD model.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import binary_dilation, find_objects, label
@@ -103,6 +104,14 @@ def _region(points: FloatArray, height_m: float, yaw_rad: float) -> PlanarRegion
         contour=contour,
         n_points=len(points),
         rms_m=_NEAR_M,
+    )
+
+
+def boxed(region: PlanarRegion, yaw_rad: float) -> PlanarRegion:
+    """The rectangle of a heading around a level region."""
+    return replace(
+        _region(region.outline_map()[:, :2], region.height_m, yaw_rad),
+        sensor_position=region.sensor_position,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from fluentboard_modules.mapping.candidates import (
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.depth_views import DepthView, best_views
 from fluentboard_modules.mapping.furniture_item import box_overlap
-from fluentboard_modules.mapping.level_strips import common_headings, level_strips
+from fluentboard_modules.mapping.level_strips import boxed, common_headings, level_strips
 from fluentboard_modules.mapping.neighbours import stands_in_rows, with_neighbours
 from fluentboard_modules.mapping.planar_region import PlanarRegion, parts_of
 from fluentboard_modules.mapping.remainder import Memory, Remainder
@@ -41,7 +41,10 @@ from fluentboard_modules.mapping.verify import Verdict, verify, verify_at
 
 _MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
 _TOUCHING = 0.15  # of the footprint
-_SURE = 0.85  # no rule of the class has hinted at it, so the images must say more
+_SURE = 0.5  # in the mean of two that take the place of one
+_STRIP_SURE = 0.6  # of what no plane has hinted at, the images must say more
+_HALF_SURE = 0.35  # of each of two that explain the images better than one that was believed
+_SMALL_M2 = 0.3  # the outline of so little of a top does not say how it is turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +93,11 @@ def find_furniture(
     search = _Search(regions, views, rules, library, config, floor)
     classification = rules.classify(regions, floor=floor, explain=False)
     whole = search.judge(classification.hypotheses)
-    held = {(one.furniture.name, one.main_plane) for one in whole}
-    parts = search.parts(classification, held)
+    parts = search.parts(classification, whole)
     partial = search.judge_parts(parts, choose(whole, set(), config.furniture))
     chosen = choose([*whole, *partial], set(), config.furniture)
     chosen = search.fill_rows(search.split_rows(chosen))
-    strips = search.judge_parts(search.strips(chosen), chosen)
+    strips = search.judge_parts(search.strips(chosen), chosen, _STRIP_SURE)
     if strips:
         more = search.split_rows(choose([*chosen, *strips], set(), config.furniture))
         chosen = choose(search.fill_rows(more), set(), config.furniture)
@@ -131,13 +133,13 @@ class _Search:
         ]
 
     def parts(
-        self, classification: Classification, held: Collection[tuple[str, int]]
+        self, classification: Classification, held: Sequence[Candidate]
     ) -> list[FurnitureHypothesis]:
         """What single planes say, the largest first: planes, parts of planes, and sides.
 
         Args:
             classification: of the planes.
-            held: class and main plane of the whole definitions that the images agree with.
+            held: the whole definitions that the images agree with.
         """
         planes = list(self._regions)
         found: list[FurnitureHypothesis] = []
@@ -148,7 +150,7 @@ class _Search:
             models = self._library.of_class(furniture.name)
             if not models:
                 continue
-            settled = {plane for name, plane in held if name == furniture.name}
+            settled = {one.main_plane for one in held if one.furniture.name == furniture.name}
             found += partial_hypotheses(classification, furniture, planes, models, settled)
             of_islands = partial_hypotheses(labels, furniture, islands, models)
             found += [_moved_by(len(planes), one) for one in of_islands]
@@ -159,7 +161,22 @@ class _Search:
                 for front in (f for model in models for f in fronts_beside(region, model)):
                     found.append(self._about(front, furniture, furniture.front_planes[0]))
         found.sort(key=lambda part: -self._regions[part.main_plane].area_m2)
-        return found
+        return [one for part in found for one in (*self._turned(part, held), part)]
+
+    def _turned(
+        self, part: FurnitureHypothesis, held: Sequence[Candidate]
+    ) -> list[FurnitureHypothesis]:
+        """The same small part of a top, if it is turned as others of its class, or as the room."""
+        furniture = self._rules.rules.furniture[part.class_name]
+        region = self._regions[part.main_plane]
+        if furniture.back_planes or furniture.front_planes or region.area_m2 > _SMALL_M2:
+            return []
+        alike = [one.fit for one in held if one.fit and one.furniture.name == furniture.name]
+        best = max(alike, key=lambda fit: fit.score, default=None)
+        headings = [best.pose.yaw_rad] if best else common_headings(self._regions)
+        return [
+            self._about(boxed(region, heading), furniture, part.main_label) for heading in headings
+        ]
 
     def strips(self, found: Sequence[Candidate]) -> list[FurnitureHypothesis]:
         """What may be the top of a model that is in sight as a sliver only."""
@@ -193,20 +210,26 @@ class _Search:
         )
 
     def judge_parts(
-        self, hypotheses: Sequence[FurnitureHypothesis], found: Sequence[Candidate]
+        self,
+        hypotheses: Sequence[FurnitureHypothesis],
+        found: Sequence[Candidate],
+        least: float = 0.0,
     ) -> list[Candidate]:
-        """Those that explain a plane which no other piece does."""
+        """Those that explain a plane which no other piece does.
+
+        Args:
+            hypotheses: about single planes.
+            found: the pieces known before.
+            least: score from which they are believed.
+        """
         rest = self._rest_of(found)
         candidates: list[Candidate] = []
         for hypothesis in hypotheses:
             candidate = self._placed(hypothesis)
-            furniture = candidate.furniture
-            named = (*furniture.main_planes, *furniture.back_planes)
             if any(
                 explains(piece, candidate, self._model_of(piece)) for piece in (*found, *candidates)
             ):
                 continue
-            least = 0.0 if hypothesis.rules and hypothesis.main_label in named else _SURE
             candidates += [
                 one
                 for one in self._verified(candidate, rest.views)
@@ -242,10 +265,17 @@ class _Search:
                 alone = self._rest_of(others, views)
                 alone.take(model, pair[1 - k], is_filled=_is_filled(piece))
                 verdict = self._look(model, standing, piece, alone.views)
-                if verdict is not None and verdict.is_accepted:
-                    two += with_verdicts(piece, (verdict,))
-            if len(two) == 2 and not any(
-                _touch(a, b) for a in two for b in others if b.furniture.name == a.furniture.name
+                if verdict is not None and verdict.score >= _HALF_SURE:
+                    two += with_verdicts(piece, (replace(verdict, is_accepted=True),))
+            if (
+                len(two) == 2
+                and _mean_score(two) >= _SURE
+                and not any(
+                    _touch(a, b)
+                    for a in two
+                    for b in others
+                    if b.furniture.name == a.furniture.name
+                )
             ):
                 kept = [*others, *(replace(one, is_in_row=True) for one in two)]
         return kept
@@ -330,6 +360,10 @@ def _moved_by(first: int, hypothesis: FurnitureHypothesis) -> FurnitureHypothesi
     """The same hypothesis if its planes come behind so many others."""
     planes = tuple(PlaneInRole(part.plane + first, part.label) for part in hypothesis.planes)
     return replace(hypothesis, main_plane=hypothesis.main_plane + first, planes=planes)
+
+
+def _mean_score(pieces: Sequence[Candidate]) -> float:
+    return float(np.mean([0.0 if piece.fit is None else piece.fit.score for piece in pieces]))
 
 
 def _is_filled(piece: Candidate) -> bool:
