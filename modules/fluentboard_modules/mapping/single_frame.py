@@ -100,8 +100,8 @@ def find_furniture(
     strips = search.judge_parts(search.strips(chosen), chosen, _STRIP_SURE)
     if strips:
         more = search.split_rows(choose([*chosen, *strips], set(), config.furniture))
-        chosen = choose(search.fill_rows(more), set(), config.furniture)
-    return SceneFindings(tuple(chosen), tuple(search.judged))
+        chosen = search.fill_rows(more)
+    return SceneFindings(tuple(choose(chosen, set(), config.furniture)), tuple(search.judged))
 
 
 class _Search:
