@@ -16,6 +16,7 @@ from fluentboard_modules.mapping.candidates import (
     case_of,
     choose,
     is_inside,
+    lies_on,
     place_candidate,
     with_verdicts,
 )
@@ -211,9 +212,18 @@ class FurnitureMap:
             track.is_accepted
             and (track.item.class_name, self._plane_map.current(track.main_plane)) != candidate.key
             and is_inside(candidate, track.item.box)
+            and self._has_face(track.item, candidate)
             for track in self._tracks
-            if track.item.cad is not None and track.item.cad.is_exact
         )
+
+    def _has_face(self, item: FurnitureItem, candidate: Candidate) -> bool:
+        """Whether a plane within the box of a piece is a part of it: below a top there is room."""
+        if item.cad is None or not item.cad.is_exact or self._judge is None:
+            return False
+        model = self._judge.model(item.cad.model)
+        if model is None or not self._rules.rules.furniture[item.class_name].has_room_below:
+            return True
+        return lies_on(candidate.planes[0].region, model, item.cad.pose)
 
     def _choose(self, candidates: list[Candidate]) -> list[Candidate]:
         followed = {

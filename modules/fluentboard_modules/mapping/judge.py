@@ -11,6 +11,7 @@ import numpy as np
 from fluentboard.model.geometry import BoundingBox, Pose, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import DepthNoiseConfig, VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
@@ -75,6 +76,10 @@ class FurnitureJudge:
     def has_models(self, class_name: str) -> bool:
         """Whether there are CAD models of a class."""
         return self.is_on and bool(self._library.of_class(class_name))
+
+    def model(self, name: str) -> CadModel | None:
+        """The CAD model of a name; None for one that was made up."""
+        return self._library.named(name)
 
     def look(self, frame: SensorFrame) -> DepthView:
         """Keeps a frame."""

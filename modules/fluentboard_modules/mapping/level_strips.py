@@ -88,11 +88,13 @@ def _points_at(views: Sequence[DepthView], height_m: float) -> tuple[FloatArray,
     return np.concatenate([empty, *at]), np.concatenate([empty, *above])
 
 
-def _region(points: FloatArray, height_m: float, yaw_rad: float) -> PlanarRegion:
+def _region(
+    points: FloatArray, height_m: float, yaw_rad: float, outliers: float = 0.02
+) -> PlanarRegion:
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.array([[c, -s], [s, c]])
     along = points @ turn
-    low, high = np.quantile(along, (0.02, 0.98), axis=0)
+    low, high = np.quantile(along, (outliers, 1.0 - outliers), axis=0)
     half = np.maximum(0.5 * (high - low), _HALF_LEAST_M)
     rotation = np.eye(3)
     rotation[:2, :2] = turn
@@ -110,7 +112,7 @@ def _region(points: FloatArray, height_m: float, yaw_rad: float) -> PlanarRegion
 def boxed(region: PlanarRegion, yaw_rad: float) -> PlanarRegion:
     """The rectangle of a heading around a level region."""
     return replace(
-        _region(region.outline_map()[:, :2], region.height_m, yaw_rad),
+        _region(region.outline_map()[:, :2], region.height_m, yaw_rad, outliers=0.0),
         sensor_position=region.sensor_position,
     )
 

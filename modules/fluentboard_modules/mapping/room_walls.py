@@ -57,7 +57,7 @@ def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> l
 
 
 def is_in_wall(piece: BoundingBox, walls: Sequence[PlanarRegion]) -> bool:
-    """Whether a wall runs through the room that a piece takes up or hides its middle, from above.
+    """Whether a wall runs through the room that a piece takes up, or its middle is behind one.
 
     Args:
         piece: upright box in the map frame.
@@ -71,9 +71,7 @@ def is_in_wall(piece: BoundingBox, walls: Sequence[PlanarRegion]) -> bool:
         line = LineString(ends[:, :2])
         crosses = line.intersection(inner).length > _ACROSS_M
         depth = float(wall.normal[:2] @ (np.array(middle) - wall.centroid[:2]))
-        sight = LineString([wall.sensor_position[:2], middle])
-        is_hidden = depth < -_INTO_M and line.intersects(sight)
-        if crosses or is_hidden:
+        if crosses or depth < -_INTO_M:  # nothing at all was seen behind it
             return True
     return False
 

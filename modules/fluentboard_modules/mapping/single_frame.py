@@ -42,7 +42,7 @@ from fluentboard_modules.mapping.verify import Verdict, verify, verify_at
 _MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
 _TOUCHING = 0.15  # of the footprint
 _SURE = 0.5  # in the mean of two that take the place of one
-_STRIP_SURE = 0.6  # of what no plane has hinted at, the images must say more
+_PART_SURE, _STRIP_SURE = 0.6, 0.6  # of what no rule has told, the images must say more
 _HALF_SURE = 0.35  # of each of two that explain the images better than one that was believed
 _SMALL_M2 = 0.3  # the outline of so little of a top does not say how it is turned
 
@@ -230,10 +230,13 @@ class _Search:
                 explains(piece, candidate, self._model_of(piece)) for piece in (*found, *candidates)
             ):
                 continue
+            furniture = candidate.furniture
+            is_told = hypothesis.main_label in (*furniture.main_planes, *furniture.back_planes)
+            needed = least if is_told else max(least, _PART_SURE)
             candidates += [
                 one
                 for one in self._verified(candidate, rest.views)
-                if one.fit is not None and one.fit.score >= least
+                if one.fit is not None and one.fit.score >= needed
             ]
         return candidates
 

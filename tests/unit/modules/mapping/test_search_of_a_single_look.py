@@ -6,16 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from shapely.geometry import MultiPolygon, box
 
 from fluentboard.model.geometry import BoundingBox, Pose, Transform
 from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_library import library_of
 from fluentboard_modules.mapping.cad_models import CadModel
+from fluentboard_modules.mapping.candidates import lies_on
 from fluentboard_modules.mapping.config import DepthNoiseConfig, VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView, thin_view
-from fluentboard_modules.mapping.level_strips import common_headings, level_strips
-from fluentboard_modules.mapping.planar_region import PlanarRegion, parts_of, upright_axes
+from fluentboard_modules.mapping.level_strips import boxed, common_headings, level_strips
+from fluentboard_modules.mapping.planar_region import (
+    PlanarRegion,
+    as_multipolygon,
+    parts_of,
+    upright_axes,
+)
 from fluentboard_modules.mapping.remainder import Remainder
 from fluentboard_modules.mapping.room_walls import is_in_wall, room_walls, without_walls
 from fluentboard_modules.mapping.row_splitting import best_pair
@@ -180,14 +187,46 @@ def test_two_tables_are_told_from_one_by_their_legs(n_tables: int) -> None:
         assert sorted(one.y for one in pair) == pytest.approx([-0.7, 0.7], abs=0.15)
 
 
-def test_islands_of_a_plane_are_looked_at_one_by_one() -> None:
-    two = MultiPolygon([box(-0.5, -0.1, -0.1, 0.1), box(0.2, -0.1, 0.5, 0.1)])
+@pytest.mark.parametrize("neck_m", [0.0, 0.06])
+def test_islands_of_a_plane_are_looked_at_one_by_one(neck_m: float) -> None:
+    islands_of_it = (box(-0.5, -0.1, -0.1, 0.1), box(0.2, -0.1, 0.5, 0.1))
+    neck = box(-0.2, -0.5 * neck_m, 0.3, 0.5 * neck_m)
+    two = as_multipolygon(shapely.union_all([*islands_of_it, neck]))
     region = replace(upright(1.0, 2.0, 0.0, 1.0, 1.0), contour=two)
 
     islands = parts_of(region)
 
+    islands.sort(key=lambda one: -one.area_m2)
     assert [round(one.area_m2, 3) for one in islands] == [0.08, 0.06]
     assert region.T_map_region.inverse().apply(islands[1].centroid[None])[0] == pytest.approx(
         [0.35, 0.0, 0.0]
     )
     assert parts_of(upright(0.0, 0.0, 0.0, 1.0, 1.0)) == []
+
+
+def test_small_part_of_a_top_is_turned_as_others_are() -> None:
+    corner = MultiPolygon([shapely.Polygon([(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)])])
+    level = PlanarRegion(
+        0, Transform.from_parts(np.eye(3), np.array([1.0, 2.0, 0.73])), corner, 100, 0.001
+    )
+
+    turned = boxed(level, 0.25 * np.pi)
+
+    assert turned.height_m == pytest.approx(0.73)
+    assert sorted(turned.extents_m) == pytest.approx([0.212, 0.424], abs=0.02)
+    assert turned.T_map_region.rotation[:2, 0] == pytest.approx([0.7071, 0.7071], abs=1e-4)
+
+
+def test_seat_below_a_top_is_no_part_of_the_table() -> None:
+    model = cad(TABLE)
+    top, seat = (
+        replace(
+            upright(0.0, 0.0, 0.0, 0.4, 0.4),
+            T_map_region=Transform.from_parts(np.eye(3), np.array([0.0, 0.0, height])),
+        )
+        for height in (0.73, 0.45)
+    )
+    at = Pose(0.0, 0.0, 0.0)
+
+    assert lies_on(top, model, at)
+    assert not lies_on(seat, model, at)
