@@ -15,7 +15,7 @@ from concurrent.futures import Future
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from fluentboard.api.answering import Question, Result, answer, written_short
 from fluentboard.api.exchange import Call, Disconnected
@@ -115,11 +115,11 @@ class Evaluator:
             TooLarge: its result is too long.
         """
         if question.at is not None or question.as_of is not None:
-            return await self._awaited(question, call)
+            return await self._evaluated(question, call)
         known = Costly.QUERY if is_costly else self.at_once(question)
         if isinstance(known, Result):
             return known
-        result = await self._awaited(question, call)
+        result = await self._evaluated(question, call)
         if result.text is not None and result.is_exact and question.is_timeless:
             answered = Cached(result.media_type, result.text)
             self._cache.put(result.commit, _key(question), answered)
@@ -155,56 +155,42 @@ class Evaluator:
         media_type, text = answered
         return Result(media_type, text, None, len(text), commit)
 
-    async def _awaited(self, question: Question, call: Call | None) -> Result:
-        """The result, as long as the client is there."""
-        if call is None:
-            return await self._evaluated(question)
-        evaluating = asyncio.ensure_future(self._evaluated(question))
-        leaving = asyncio.ensure_future(call.gone())
-        try:
-            await asyncio.wait((evaluating, leaving), return_when=asyncio.FIRST_COMPLETED)
-            if not evaluating.done():
-                raise Disconnected
-            return evaluating.result()
-        finally:
-            for task in (evaluating, leaving):
-                if not task.done():
-                    task.cancel()
-                    await asyncio.gather(task, return_exceptions=True)
-
-    async def _evaluated(self, question: Question) -> Result:
+    async def _evaluated(self, question: Question, call: Call | None = None) -> Result:
         if self._applied < self._board.commit and point_query(question.text):
             # Handing it to a reader would cost more than it does.
-            return await self._in_thread(question)
+            return await self._in_thread(question, call)
         check_services(question.text, self._service_endpoints)
         if self._readers is None:
-            return await self._in_thread(question)
-        return await self._in_reader(self._readers, question)
+            return await self._in_thread(question, call)
+        return await self._in_reader(self._readers, question, call)
 
-    async def _in_reader(self, readers: ReaderPool, question: Question | Rehearsal) -> Result:
+    async def _in_reader(
+        self, readers: ReaderPool, question: Question | Rehearsal, call: Call | None = None
+    ) -> Result:
         job = readers.submit(question, self._board.commit, self._board.clock.now_s())
         self._note(job.future)
         timeout_s = self._limits.query_timeout_s
         try:
             # Waiting for a reader, which may have to start first, is not time that the query took.
             begun = asyncio.wrap_future(job.begun)
-            await self._in_time(begun, timeout_s + _START_PATIENCE_S, "did not get its turn")
+            await self._in_time(begun, timeout_s + _START_PATIENCE_S, "did not get its turn", call)
             result = asyncio.wrap_future(job.future)
             await asyncio.wait({result}, timeout=min(_LONG_S, timeout_s))
             if not result.done():
                 # It may go on for long: the next query is to find a reader that is free.
                 readers.prepare_one_more()
-            return await self._in_time(result, timeout_s, "did not finish")
+            return await self._in_time(result, timeout_s, "did not finish", call)
         finally:
             job.abandon()
 
-    async def _in_thread(self, question: Question) -> Result:
+    async def _in_thread(self, question: Question, call: Call | None) -> Result:
         stop = threading.Event()
         future = self._threads.submit(partial(answer, self._board, question, self._limits, stop))
         self._note(future)
         try:
             timeout_s = self._limits.query_timeout_s
-            return await self._in_time(asyncio.wrap_future(future), timeout_s, "did not finish")
+            result = asyncio.wrap_future(future)
+            return await self._in_time(result, timeout_s, "did not finish", call)
         finally:
             stop.set()
 
@@ -213,17 +199,25 @@ class Evaluator:
         future.add_done_callback(self._running.discard)
 
     async def _in_time(
-        self, future: asyncio.Future[_Outcome], timeout_s: float, complaint: str
+        self, future: asyncio.Future[_Outcome], timeout_s: float, complaint: str, call: Call | None
     ) -> _Outcome:
+        """What comes of a future, as long as the client is there."""
+        short_s = min(_LONG_S, timeout_s)
         try:
-            return await asyncio.wait_for(future, timeout_s)
-        except TimeoutError:
-            self.timeouts += 1
-            raise QueryTimeout(
-                f"the query {complaint} within {timeout_s:g} s and was stopped; narrow it, add "
-                "LIMIT, or raise limits.query_timeout_s",
-                timeout_s=timeout_s,
-            ) from None
+            await asyncio.wait({future}, timeout=short_s)
+            is_gone = not future.done() and await _gone_before(future, timeout_s - short_s, call)
+            if future.done():
+                return future.result()
+        finally:
+            future.cancel()  # does nothing to one that is done
+        if is_gone:
+            raise Disconnected
+        self.timeouts += 1
+        raise QueryTimeout(
+            f"the query {complaint} within {timeout_s:g} s and was stopped; narrow it, add "
+            "LIMIT, or raise limits.query_timeout_s",
+            timeout_s=timeout_s,
+        )
 
     async def try_out(self, question: Question | Rehearsal) -> None:
         """Evaluates a query or update where it can be stopped, before it is where it cannot.
@@ -257,6 +251,22 @@ class Evaluator:
     def _on_commits(self, commits: Sequence[Commit]) -> None:
         """Called in another thread when the RDF store has applied commits."""
         self._applied = commits[-1].number
+
+
+async def _gone_before(
+    future: asyncio.Future[_Outcome], timeout_s: float, call: Call | None
+) -> bool:
+    """Waits for a future, for a time at most; whether the client goes before it is done."""
+    if call is None:
+        await asyncio.wait({future}, timeout=timeout_s)
+        return False
+    leaving = asyncio.ensure_future(call.gone())
+    try:
+        either: set[asyncio.Future[Any]] = {future, leaving}
+        await asyncio.wait(either, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+        return leaving.done()
+    finally:
+        leaving.cancel()
 
 
 def _key(question: Question) -> Key:
