@@ -60,6 +60,8 @@ class FurnitureFluents:
         remembered: what the board knew before, and nobody has seen again yet.
         missing: what has gone from its place, and may turn up elsewhere.
         names: names of furniture that are taken.
+        moved: names of what turned up at another place, in the order of their finding.
+        gone: names of what was ended.
         config: thresholds.
         existence: how beliefs of several runs add up.
         symmetry_order: per class, how many turns within a full circle look alike.
@@ -69,6 +71,8 @@ class FurnitureFluents:
     remembered: tuple[Written, ...] = ()
     missing: tuple[Departed, ...] = ()
     names: frozenset[str] = frozenset()
+    moved: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
     config: UpdateConfig = field(default_factory=UpdateConfig)
     existence: ExistenceConfig = field(default_factory=ExistenceConfig)
     symmetry_order: Mapping[str, int] = field(default_factory=dict[str, int])
@@ -94,6 +98,7 @@ class FurnitureFluents:
         remembered = list(self.remembered)
         names = set(self.names)
         missing = list(self.missing)
+        moved = list(self.moved)
         statements: list[Statement] = []
         believed = {item.identifier for item in items}
         lost = [written.pop(identifier) for identifier in [*written] if identifier not in believed]
@@ -110,6 +115,7 @@ class FurnitureFluents:
             back = self._found_again(item, missing) if known is None else None
             if back is not None:
                 known, new = self._arrival(back.known, item)
+                moved += [known.name] if known.name not in moved else []
             elif known is None:
                 name = _free_name(item.class_name, names)
                 names.add(name)
@@ -137,6 +143,8 @@ class FurnitureFluents:
             remembered=tuple(remembered),
             missing=tuple(departed for departed in missing if departed not in given_up),
             names=frozenset(names),
+            moved=tuple(moved),
+            gone=(*self.gone, *(departed.known.name for departed in given_up)),
         )
         return state, statements
 

@@ -163,9 +163,12 @@ class MappingModule:
         return [*self._written(final=True), *commands_for(misses)]
 
     def status(self) -> str:
-        """How many pieces of each class."""
+        """How many pieces of each class, and what has changed since the board was told of them."""
         counts = Counter(item.class_name for item in self._map.furniture())
-        return ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+        told = [f"{count} {name}" for name, count in sorted(counts.items())]
+        told += [f"{name} was moved" for name in self._fluents.moved]
+        told += [f"{name} is gone" for name in self._fluents.gone]
+        return ", ".join(told)
 
     def draw(self, directory: Path) -> Sequence[Path]:
         """The planes and furniture from above."""

@@ -161,15 +161,17 @@ def test_piece_that_is_not_believed_in_any_more_ends_with_all_its_parts() -> Non
 
 def test_missing_piece_is_given_up_at_the_end_of_a_run() -> None:
     state, introduced = start().update([a_table()], 5.0)
-    _, statements = state.update([], 8.0, final=True)
+    state, statements = state.update([], 8.0, final=True)
     assert endings(statements).keys() == fluents(introduced).keys()
+    assert (state.moved, state.gone) == ((), ("table1",))
 
 
 def test_piece_that_turns_up_elsewhere_keeps_its_name() -> None:
     state, introduced = start().update([a_table()], 5.0)
     state, _ = state.update([], 8.0)
     moved = replace(a_table(x=6.0, identifier="table2", last_seen_s=9.0), first_seen_s=7.0)
-    _, statements = state.update([moved], 9.0)
+    state, statements = state.update([moved], 9.0)
+    assert (state.moved, state.gone) == (("table1",), ())
     written = fluents(statements)
     assert written["table1"].values("hasPose") == ("poseTable1_1",)
     assert written["poseTable1_1"].start == Interval(5.0, 7.0)
