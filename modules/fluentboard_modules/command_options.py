@@ -58,6 +58,10 @@ Start = Annotated[
         help="Time of the first frame on the board's time axis. Default: the recording's own.",
     ),
 ]
+Config = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Settings as YAML; see docs/module-settings.md."),
+]
 JsonOutput = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Keep the numbers: JSON.")
 ]

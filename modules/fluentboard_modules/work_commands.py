@@ -10,6 +10,7 @@ import typer
 from fluentboard_modules.command_options import (
     DEFAULT_BOARD,
     Board,
+    Config,
     Frames,
     Gravity,
     Start,
@@ -43,6 +44,7 @@ def work_mapping(
     plot: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Draw pictures of the result there.")
     ] = None,
+    config: Config = None,
     frame_out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help='Write the map frame there, as {"T_map_world": 4x4}.'),
@@ -92,10 +94,13 @@ def work_mapping(
     """
     log_to_stderr(verbose)
     with needs_extra("mapping"):
+        from fluentboard_modules.mapping.config import MappingConfig
         from fluentboard_modules.mapping.worker import run_mapping
+        from fluentboard_modules.settings import read_settings
     report = run_mapping(
         frames,
         board,
+        config=read_settings(MappingConfig, config, {}),
         gravity=gravity,
         start_s=start,
         plot=plot,
@@ -117,10 +122,7 @@ def work_anchoring(
     plot: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Draw the anchors over the frames there.")
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Settings as YAML; see docs/configuration.md."),
-    ] = None,
+    config: Config = None,
     recogniser: Annotated[
         str | None,
         typer.Option(
@@ -163,10 +165,12 @@ def work_anchoring(
     """
     log_to_stderr(verbose)
     with needs_extra("anchoring"):
-        from fluentboard_modules.anchoring.settings import read_settings
+        from fluentboard_modules.anchoring.config import AnchoringConfig
         from fluentboard_modules.anchoring.worker import run_anchoring
         from fluentboard_modules.map_placing import open_placed
+        from fluentboard_modules.settings import read_settings
     settings = read_settings(
+        AnchoringConfig,
         config,
         {
             "recognition.recogniser": recogniser,

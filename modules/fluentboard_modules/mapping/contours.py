@@ -1,9 +1,8 @@
 """Pixels of a planar segment to its contour on the plane.
 
-Deviates from DESIGN section 5 (grid boxes and their union): an organised image already knows its
-outline, so the outline is traced in the image and its vertices are cast onto the plane. A ray meets
-a plane in one point, so the contour neither breaks up where the points thin out with distance nor
-takes over their depth noise.
+No union of grid boxes: an organised image already knows its outline, so the outline is traced in
+the image and its vertices are cast onto the plane. A ray meets a plane in one point, so the contour
+neither breaks up where the points thin out with distance nor takes over their depth noise.
 """
 
 from __future__ import annotations

@@ -65,12 +65,14 @@ class NormalsConfig(Settings):
 
 
 class SegmentationConfig(Settings):
-    """Local planes to planar segments (DESIGN: connected at 8 degrees and 1.5 cm)."""
+    """Local planes to planar segments: connected components, grown and merged."""
 
     step_px: int = Field(
         default=2, ge=1, description="One cell per so many pixels in both directions."
     )
-    join_angle_deg: float = Field(default=8.0, gt=0.0, lt=90.0)
+    join_angle_deg: float = Field(
+        default=8.0, gt=0.0, lt=90.0, description="Neighbours of one plane differ by less."
+    )
     join_distance_tolerances: float = Field(
         default=3.0,
         gt=0.0,
@@ -80,7 +82,9 @@ class SegmentationConfig(Settings):
     planar_share: float = Field(
         default=0.9, gt=0.0, le=1.0, description="A component with fewer inliers is split."
     )
-    grow_distance_tolerances: float = Field(default=3.0, gt=0.0)
+    grow_distance_tolerances: float = Field(
+        default=3.0, gt=0.0, description="The same for cells that a plane grows by."
+    )
     grow_angle_deg: float = Field(
         default=25.0,
         gt=0.0,
@@ -158,7 +162,9 @@ class CloudConfig(Settings):
         default=40.0, gt=0.0, lt=90.0, description="Voxels beside an edge have bad normals."
     )
     seed_voxels: int = Field(default=40, ge=4, description="Smallest segment; 160 cm^2 at 2 cm.")
-    merge_angle_deg: float = Field(default=10.0, gt=0.0, lt=90.0)
+    merge_angle_deg: float = Field(
+        default=10.0, gt=0.0, lt=90.0, description="Planes that differ by more stay apart."
+    )
     merge_distance_m: float = Field(
         default=0.04, gt=0.0, description="From the centre of one to the plane of the other."
     )
@@ -186,7 +192,7 @@ class SurfacesConfig(Settings):
 class MeshConfig(Settings):
     """The triangle mesh of the environment."""
 
-    voxel_m: float = Field(default=0.02, gt=0.0)
+    voxel_m: float = Field(default=0.02, gt=0.0, description="Side of a voxel of the mesh.")
     range_max_m: float = Field(
         default=5.0, gt=0.0, description="Beyond, a Kinect's depth is 4 cm off."
     )

@@ -8,7 +8,7 @@ from fluentboard_modules.settings import Settings
 
 
 class AlignmentConfig(Settings):
-    """Scene to model ICP (DESIGN: point to point, then point to plane, Tukey, upright)."""
+    """Scene to model ICP (point to point, then point to plane, Tukey weights, upright)."""
 
     spacing_m: float = Field(default=0.025, gt=0.0, description="One scene point per such cube.")
     points_max: int = Field(default=1200, ge=50, description="Scene points that are used.")

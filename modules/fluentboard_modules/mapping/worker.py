@@ -213,6 +213,7 @@ def run_mapping(
     frames: str,
     board: str,
     *,
+    config: MappingConfig | None = None,
     gravity: Path | None = None,
     start_s: float | None = None,
     plot: Path | None = None,
@@ -228,6 +229,7 @@ def run_mapping(
     Args:
         frames: as for `open_source`.
         board: address of the board.
+        config: of all steps.
         gravity: file with the direction things fall.
         start_s: time of the first frame.
         plot: folder for pictures.
@@ -241,7 +243,7 @@ def run_mapping(
     Raises:
         FluentboardError: the source, the board or a file is not what it should be.
     """
-    config = MappingConfig()
+    config = config or MappingConfig()
     if mesh is not None:
         check_mesh_path(mesh)
     turtle = furniture_ontology(ontologies)

@@ -12,6 +12,7 @@ from fluentboard.model.fluent import Fluent
 from fluentboard_modules.command_options import (
     DEFAULT_BOARD,
     Board,
+    Config,
     JsonOutput,
     Token,
     Verbose,
@@ -70,6 +71,15 @@ def work_search(
             "--map", metavar="FILE", help="Keep the map there (.bt, .ot); read if it exists."
         ),
     ] = None,
+    planner: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METHOD",
+            help="local-search, branch-and-bound (the thesis's) or greedy. Default: greedy, best "
+            "for robots that look while they drive, as these do.",
+        ),
+    ] = None,
+    config: Config = None,
     forget: Annotated[
         float | None,
         typer.Option(
@@ -117,6 +127,8 @@ def work_search(
         from fluentboard_modules.search.config import SearchConfig
         from fluentboard_modules.search.run import run_search_worker
         from fluentboard_modules.search.search_fluents import story
+        from fluentboard_modules.settings import read_settings
+    flags = {"fade_half_life_s": forget, "method": planner}
     records = run_search_worker(
         frames,
         board,
@@ -129,7 +141,7 @@ def work_search(
         once=once,
         seed=seed,
         token=token,
-        config=SearchConfig(fade_half_life_s=forget),
+        config=read_settings(SearchConfig, config, flags),
         plot=plot,
     )
     for record in records:

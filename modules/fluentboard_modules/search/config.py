@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from pydantic import Field
 
@@ -12,8 +13,12 @@ from fluentboard_modules.settings import Settings
 class SensorModelConfig(Settings):
     """What a reading does to a cell: OctoMap's inverse sensor model and its defaults."""
 
-    hit_probability: float = Field(default=0.7, gt=0.5, lt=1.0)
-    miss_probability: float = Field(default=0.4, gt=0.0, lt=0.5)
+    hit_probability: float = Field(
+        default=0.7, gt=0.5, lt=1.0, description="Of being occupied, where a ray ended."
+    )
+    miss_probability: float = Field(
+        default=0.4, gt=0.0, lt=0.5, description="The same where a ray went through."
+    )
     probability_min: float = Field(default=0.1192, gt=0.0, lt=0.5, description="Clamp below.")
     probability_max: float = Field(default=0.971, gt=0.5, lt=1.0, description="Clamp above.")
     fade_margin: float = Field(
@@ -76,7 +81,7 @@ class PlannerConfig(Settings):
     time_limit_s: float = Field(
         default=1.5, gt=0.0, description="Ends it earlier; a plan exists long before."
     )
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, description="Of the shakes.")
 
 
 class ViewSamplingConfig(Settings):
@@ -94,7 +99,9 @@ class ViewSamplingConfig(Settings):
         "ends when it is likelier stopped than not; 0 is the thesis: the unknown is transparent.",
     )
     tries_per_view: int = Field(default=300, ge=1, description="Cells drawn at most, per view.")
-    time_limit_s: float = Field(default=5.0, gt=0.0)
+    time_limit_s: float = Field(
+        default=5.0, gt=0.0, description="Sampling ends then, with the views it has."
+    )
     tilt_rad: tuple[float, float] | None = Field(
         default=None, description="Narrower than the robot's own limits; null: those."
     )
@@ -115,7 +122,9 @@ class SearchConfig(Settings):
         lt=1.0,
         description="omega: given up when all views together promise less.",
     )
-    time_budget_s: float | None = Field(default=None, gt=0.0)
+    time_budget_s: float | None = Field(
+        default=None, gt=0.0, description="Of the robot, driving and looking; null: no limit."
+    )
     recall: float = Field(default=1.0, gt=0.0, le=1.0, description="Of the detector, per look.")
     detector_range_m: float | None = Field(
         default=None,
@@ -148,4 +157,10 @@ class SearchConfig(Settings):
     )
     sensor: SensorModelConfig = SensorModelConfig()
     sampling: ViewSamplingConfig = ViewSamplingConfig()
+    method: Literal["auto", "local-search", "branch-and-bound", "greedy"] = Field(
+        default="auto",
+        description="Of planning: ours, the thesis's, or one view at a time (Eq. 5.6). By default "
+        "greedy for a robot that looks while it drives, else ours: the best that were measured.",
+    )
     planner: PlannerConfig = PlannerConfig()
+    branch_and_bound: BranchAndBoundConfig = BranchAndBoundConfig()

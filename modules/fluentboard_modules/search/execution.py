@@ -20,7 +20,7 @@ from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.search.config import SearchConfig
 from fluentboard_modules.search.frontiers import frontiers_of
 from fluentboard_modules.search.occupancy import OccupancyMap
-from fluentboard_modules.search.planners import Greedy, IteratedLocalSearch, Planner, bounded
+from fluentboard_modules.search.planners import Planner, bounded, planner_of
 from fluentboard_modules.search.planning import Plan, PlanningProblem
 from fluentboard_modules.search.record import Moment, SearchRecord, SearchStep
 from fluentboard_modules.search.region import Region, exclude_small_gaps
@@ -56,8 +56,9 @@ class ObjectSearch:
         region: where the object may be.
         costmap: where the robot can drive (the 2D map is taken as known and static).
         config: when to end, and how to sample and plan.
-        planner: if not given, greedy for a robot that looks while it moves, else local search: the
-            best that were measured (docs/reference/search.md).
+        planner: the one that the config asks for if not given; by default greedy for a robot that
+            looks while it moves, else local search: the best that were measured
+            (docs/reference/search.md).
         rng: draws views.
         views: a first set of views, as experiments share it; drawn if not given.
         occlusion_is_known: whether the map has all that can stand in the way, so that what a view
@@ -88,7 +89,8 @@ class ObjectSearch:
         self._costmap = costmap
         self._routes = Routes(costmap)
         self._config = config
-        self._planner: Planner = planner or default_planner(robot, config)
+        watches = isinstance(robot, WatchfulRobot)
+        self._planner: Planner = planner or planner_of(config, looks_on_the_way=watches)
         self._rng = rng
         self._clock = clock
         self._views: list[View] = list(views)
@@ -374,15 +376,6 @@ class ObjectSearch:
 
     def _ended(self, outcome: str) -> None:
         self.record.outcome = outcome
-
-
-def default_planner(robot: Robot, config: SearchConfig) -> Planner:
-    """The best planner measured for such a robot.
-
-    What is seen on the way upsets the end of every plan: then greedy is better with a map, and as
-    good without one.
-    """
-    return Greedy() if isinstance(robot, WatchfulRobot) else IteratedLocalSearch(config.planner)
 
 
 def _as_detector(model: RobotModel, range_max_m: float | None) -> RobotModel:

@@ -15,7 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fluentboard_modules.search import plan_kernels as kernels
-from fluentboard_modules.search.config import BranchAndBoundConfig, PlannerConfig
+from fluentboard_modules.search.config import (
+    BranchAndBoundConfig,
+    PlannerConfig,
+    SearchConfig,
+)
 from fluentboard_modules.search.improvement_kernels import improve, shake_and_improve
 from fluentboard_modules.search.plan_bounds import lower_bound_s
 from fluentboard_modules.search.planning import Plan, PlanningProblem, carry_out
@@ -151,6 +155,26 @@ def branch_and_bound(
         config.prune_dominated, config.nodes_max, plan, best,
     )  # fmt: skip
     return carry_out(problem, plan[: int(best[0])]), bool(finished)
+
+
+def planner_of(config: SearchConfig, *, looks_on_the_way: bool = False) -> Planner:
+    """The planner that the settings ask for.
+
+    Args:
+        config: names a method, or leaves it to us: what is seen on the way upsets the end of every
+            plan, so greedy is better then with a map, and as good without one.
+        looks_on_the_way: whether the robot looks while it drives.
+    """
+    method = config.method
+    if method == "auto":
+        method = "greedy" if looks_on_the_way else "local-search"
+    match method:
+        case "greedy":
+            return Greedy()
+        case "branch-and-bound":
+            return BranchAndBound(config.branch_and_bound)
+        case "local-search":
+            return IteratedLocalSearch(config.planner)
 
 
 def _greedy(problem: PlanningProblem) -> Plan:

@@ -15,7 +15,7 @@ HERE = View(0.0, 0.0, 0.0)
 
 
 def test_driving_takes_the_published_time():
-    # SCIENCE: 0.00154359 s per unit of path cost and 5.940 s; 2000 is two metres of free floor.
+    # The original PR2: 0.00154359 s per unit of path cost and 5.940 s; 2000 is two metres.
     seconds = PR2.motion_time_s(HERE, View(2.0, 0.0, 1.0), 2000.0)
     assert seconds == pytest.approx(0.00154359 * 2000.0 + 5.940)
 
