@@ -21,7 +21,7 @@ from fluentboard_modules.search.planning import PlanningProblem, carry_out
 from fluentboard_modules.search.summaries import half_interval, summarise
 from fluentboard_modules.simulation.search_scenes import hidden_pepper_mill
 
-PLANNERS = [Greedy(), IteratedLocalSearch(PlannerConfig(rounds_max=2))]
+PLANNERS = [Greedy(), IteratedLocalSearch(PlannerConfig(rounds_max=2, time_limit_s=600.0))]
 
 
 @pytest.fixture(scope="module")
