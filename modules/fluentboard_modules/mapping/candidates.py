@@ -9,8 +9,8 @@ import numpy as np
 
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.mapping.cad_models import CadModel
-from fluentboard_modules.mapping.config import FurnitureMapConfig
-from fluentboard_modules.mapping.existence import supported_belief
+from fluentboard_modules.mapping.config import ExistenceConfig, FurnitureMapConfig
+from fluentboard_modules.mapping.existence import supported_belief, verified_belief
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry, place_hypothesis
 from fluentboard_modules.mapping.judge import Case, verified_geometry
@@ -160,6 +160,17 @@ def with_verdicts(candidate: Candidate, verdicts: tuple[Verdict, ...] | None) ->
             geometry = verified_geometry(verdict, candidate.planes[0].region)
         kept.append(replace(candidate, fit=fit, geometry=geometry, is_in_row=len(verdicts) > 1))
     return kept
+
+
+def believed(candidate: Candidate, config: ExistenceConfig) -> Candidate:
+    """A candidate, believed also for what its CAD file says: two frames may say all there is.
+
+    What was seen through more often than seen is not.
+    """
+    fit = candidate.fit
+    if fit is None or not fit.is_exact or candidate.score < config.prior:
+        return candidate
+    return replace(candidate, score=verified_belief(candidate.score, fit.score, config))
 
 
 def choose(

@@ -49,3 +49,16 @@ def combined_belief(earlier: float, present: float, config: ExistenceConfig) -> 
     """Belief by what an earlier run saw and, independently of it, by what this one has seen."""
     odds = log_odds(earlier) + log_odds(present) - log_odds(config.prior)
     return probability(min(odds, log_odds(config.belief_max)))
+
+
+def verified_belief(seen: float, agreement: float, config: ExistenceConfig) -> float:
+    """Belief by the frames that showed something and by how well its CAD file agrees with them.
+
+    Args:
+        seen: belief by the frames alone.
+        agreement: probability of the CAD file's verdict, true and false weighed alike.
+        config: how far belief goes.
+    """
+    least = 1.0 - config.belief_max
+    odds = log_odds(seen) + log_odds(min(max(agreement, least), config.belief_max))
+    return probability(min(odds, log_odds(config.belief_max)))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.candidates import (
     Candidate,
+    believed,
     case_of,
     choose,
     is_inside,
@@ -121,11 +122,14 @@ class FurnitureMap:
             The pieces that appeared, changed or disappeared.
         """
         identifiers, map_regions, verdict = self.classified_planes(explain=False)
-        candidates = self._candidates(identifiers, map_regions, verdict, settle=True)
+        # Nothing more will come that could speak for them.
+        candidates = [
+            believed(candidate, self._config.fusion.existence)
+            for candidate in self._candidates(identifiers, map_regions, verdict, settle=True)
+        ]
         chosen = self._choose(candidates)
         self._follow(chosen, candidates, set())
         for track in self._tracks:
-            # Nothing more will come that could speak for it.
             if track.n_without > 0 and self._is_rejected(track):
                 track.n_without = self._config.patience_frames + 1
         return self._report()

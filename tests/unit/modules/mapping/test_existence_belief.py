@@ -17,11 +17,20 @@ from fluentboard_modules.mapping.existence import (
     log_odds,
     probability,
     supported_belief,
+    verified_belief,
 )
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
 
 CONFIG = ExistenceConfig()
 Render = Callable[..., SensorFrame]
+
+
+def test_cad_file_that_agrees_makes_up_for_few_frames() -> None:
+    seen_twice = supported_belief(2, CONFIG)
+    assert verified_belief(seen_twice, 0.99, CONFIG) > 0.9 > 0.6 > seen_twice
+    assert verified_belief(seen_twice, 0.5, CONFIG) == pytest.approx(seen_twice)
+    assert verified_belief(seen_twice, 0.0, CONFIG) < 0.02
+    assert verified_belief(1.0 - 1e-9, 1.0, CONFIG) == pytest.approx(CONFIG.belief_max)
 
 
 def test_belief_follows_bayes() -> None:
