@@ -91,3 +91,9 @@ def gather_evidence(
         relief = min(relief_m / config.evidence.relief_m, 1.0)
     closeness = max(trial.closeness, 0.0)
     return Evidence(trial.score, closeness, ends / (ends + goes_on), misfit, relief)
+
+
+def rough_evidence(trial: Trial, *, is_front: bool = False) -> Evidence:
+    """What is known about a model that hardly anything is like: neither outline nor misfit."""
+    closeness = max(trial.closeness, 0.0)
+    return Evidence(trial.score, closeness, 0.5, math.inf, 0.0 if is_front else None)

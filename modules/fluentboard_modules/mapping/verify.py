@@ -18,7 +18,7 @@ from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView, best_views
-from fluentboard_modules.mapping.evidence import Evidence, gather_evidence
+from fluentboard_modules.mapping.evidence import Evidence, gather_evidence, rough_evidence
 from fluentboard_modules.mapping.generic_models import generic_model
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
@@ -48,7 +48,7 @@ class Verdict:
         initial: where the hypothesis had put it.
         score: how likely a model from a CAD file is there by all evidence; of a made-up one, the
             share of what was seen of it that it explains. In [0, 1].
-        initial_score: the same where the hypothesis had put it.
+        initial_score: the same where the hypothesis had put it; 0 unless it is accepted.
         visibility: what the score is made of.
         covariance: `(3, 3)`; of x, y and yaw in the map, metres and radians; `UNKNOWN_POSE` unless
             it is accepted.
@@ -230,12 +230,22 @@ def _best_of(
     """The verdict on the best place that is found from any of the starts."""
     model, views, config = looker.model, looker.views, looker.config
     initial, best = best_place(looker, starts, reach_m)
-    refined = looker.refine(best.standing)
     is_front = geometry.main_side == "front"
-    evidence = gather_evidence(looker, best, refined.misfit, is_front=is_front)
-    first = gather_evidence(looker, initial, looker.misfit(initial.standing), is_front=is_front)
-    score, initial_score = (one.probability(config.evidence) for one in (evidence, first))
-    is_accepted = score >= config.accept_exact_score and best.score >= config.accept_score
+    score = initial_score = 0.0
+    covariance, is_accepted = UNKNOWN_POSE, False
+    if best.is_doubtful:  # the rest would change nothing
+        evidence = rough_evidence(best, is_front=is_front)
+        score = evidence.probability(config.evidence)
+    else:
+        refined = looker.refine(best.standing)
+        evidence = gather_evidence(looker, best, refined.misfit, is_front=is_front)
+        score = evidence.probability(config.evidence)
+        is_accepted = score >= config.accept_exact_score and best.score >= config.accept_score
+        if is_accepted:
+            covariance = pose_covariance(looker, best, refined, config.covariance)
+            misfit = looker.misfit(initial.standing)
+            first = gather_evidence(looker, initial, misfit, is_front=is_front)
+            initial_score = first.probability(config.evidence)
     return Verdict(
         model,
         best.standing,
@@ -243,7 +253,7 @@ def _best_of(
         score,
         initial_score,
         best.visibility,
-        pose_covariance(looker, best, refined, config.covariance) if is_accepted else UNKNOWN_POSE,
+        covariance,
         is_accepted,
         len(views),
         evidence,
