@@ -26,6 +26,7 @@ SCRIPTS = (
     "pellet_sets",
     "mapping_scene",
     "furniture",
+    "existence",
     "simulator",
     "anchoring_context",
     "anchoring_step",

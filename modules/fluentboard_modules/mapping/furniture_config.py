@@ -15,6 +15,10 @@ class ExistenceConfig(Settings):
 
     The rates are nearer to each other than those of single frames, because the errors of frames
     that follow each other are alike: a backrest that is overlooked once is overlooked again.
+    Measured in six simulated rooms (`python -m bench existence`): a frame shows 83 % of what is
+    there and sees through 2 %; of what was removed it sees through 87 %. So alike are successive
+    frames that one is worth log-odds of 0.63 (shown) and 0.44 (seen through); the rates below stand
+    for 0.56 and 0.69, so that what was carried away is not believed in for ten frames more.
     """
 
     prior: float = Field(

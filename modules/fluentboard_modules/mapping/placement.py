@@ -71,6 +71,7 @@ class Looker:
         self.views = views
         self.config = config
         self.heading = heading
+        self._glances: dict[Standing, Trial] = {}
         self._coarse = config.visibility.model_copy(update={"pixel_step": 2})
 
     def look(self, standing: Standing) -> Trial:
@@ -82,9 +83,12 @@ class Looker:
 
     def glance(self, standing: Standing) -> Trial:
         """With the best views and every other pixel in both directions."""
-        views = self.views[:_GLANCE_VIEWS]
-        visibility = compare_with_views(self.model, standing.transform, views, self._coarse)
-        return self._trial(standing, visibility)
+        known = self._glances.get(standing)
+        if known is None:
+            views = self.views[:_GLANCE_VIEWS]
+            visibility = compare_with_views(self.model, standing.transform, views, self._coarse)
+            known = self._glances[standing] = self._trial(standing, visibility)
+        return known
 
     def refine(self, standing: Standing) -> Refined:
         """The last centimetre."""
