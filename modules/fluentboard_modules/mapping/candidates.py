@@ -69,7 +69,7 @@ class Candidate:
         """
         if self.fit is None or not self.fit.is_exact:
             return self.hypothesis.priority - _ONE_SIDE_MALUS[self.geometry.main_side]
-        return _EXACT_BONUS + _PER_M2 * self.fit.score**2 * self.fit.explained_m2
+        return _EXACT_BONUS + _PER_M2 * self.fit.score**4 * self.fit.explained_m2
 
 
 def place_candidate(

@@ -157,8 +157,7 @@ def parts_of(region: PlanarRegion, least_m2: float = 0.01) -> list[PlanarRegion]
         Empty if the region is in one piece and has no narrow parts worth mentioning.
     """
     whole = region.contour if region.contour.is_valid else shapely.make_valid(region.contour)
-    core = whole.buffer(-_NECK_M, join_style="mitre")
-    opened = as_multipolygon(core.buffer(_NECK_M, join_style="mitre"))
+    opened = as_multipolygon(whole.buffer(-_NECK_M).buffer(_NECK_M))
     islands = [part for part in opened.geoms if part.area >= least_m2]
     kept_m2 = sum(part.area for part in islands)
     if len(islands) < 2 and kept_m2 > _NARROW_SHARE * region.area_m2:

@@ -19,6 +19,7 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion
 
 _UPRIGHT = 0.15
 _LEAST_M2 = 0.2
+_PARALLEL = 0.8
 _CERTAIN_M2 = 0.6  # smaller ones may be the back of a shelf
 _INTO_M, _ACROSS_M = 0.1, 0.1  # poses are wrong by so much; so much of a wall runs through a piece
 _BEHIND_M, _BEHIND_SIGMAS = 0.08, 3.0
@@ -56,20 +57,26 @@ def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> l
     return walls
 
 
-def is_in_wall(piece: BoundingBox, walls: Sequence[PlanarRegion]) -> bool:
+def is_in_wall(
+    piece: BoundingBox, walls: Sequence[PlanarRegion], *, may_touch: bool = False
+) -> bool:
     """Whether a wall runs through the room that a piece takes up, or its middle is behind one.
 
     Args:
         piece: upright box in the map frame.
         walls: from `room_walls`.
+        may_touch: whether one along its front may run through it: the backs of shelves look like
+            walls.
     """
     inner = Polygon(piece.corners()[[0, 2, 6, 4], :2]).buffer(-_INTO_M)
     middle = (piece.pose.x, piece.pose.y)
+    front = piece.pose.to_transform().rotation[:2, 0]
     for wall in walls:
         low, _, high, _ = wall.contour.bounds
         ends = wall.T_map_region.apply(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]]))
         line = LineString(ends[:, :2])
-        crosses = line.intersection(inner).length > _ACROSS_M
+        along = abs(float(wall.normal[:2] @ front)) > _PARALLEL
+        crosses = line.intersection(inner).length > _ACROSS_M and not (may_touch and along)
         depth = float(wall.normal[:2] @ (np.array(middle) - wall.centroid[:2]))
         if crosses or depth < -_INTO_M:  # nothing at all was seen behind it
             return True

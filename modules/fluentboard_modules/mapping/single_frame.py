@@ -44,6 +44,7 @@ _TOUCHING = 0.15  # of the footprint
 _SURE = 0.5  # in the mean of two that take the place of one
 _PART_SURE, _STRIP_SURE = 0.6, 0.6  # of what no rule has told, the images must say more
 _HALF_SURE = 0.35  # of each of two that explain the images better than one that was believed
+_LEVEL = 0.9
 _SMALL_M2 = 0.3  # the outline of so little of a top does not say how it is turned
 
 
@@ -166,10 +167,11 @@ class _Search:
     def _turned(
         self, part: FurnitureHypothesis, held: Sequence[Candidate]
     ) -> list[FurnitureHypothesis]:
-        """The same small part of a top, if it is turned as others of its class, or as the room."""
+        """The same small top or seat, if it is turned as others of its class, or as the room."""
         furniture = self._rules.rules.furniture[part.class_name]
         region = self._regions[part.main_plane]
-        if furniture.back_planes or furniture.front_planes or region.area_m2 > _SMALL_M2:
+        is_level = abs(float(region.normal[2])) > _LEVEL
+        if furniture.front_planes or not is_level or region.area_m2 > _SMALL_M2:
             return []
         alike = [one.fit for one in held if one.fit and one.furniture.name == furniture.name]
         best = max(alike, key=lambda fit: fit.score, default=None)
@@ -286,12 +288,13 @@ class _Search:
     def fill_rows(self, pieces: Sequence[Candidate]) -> list[Candidate]:
         """The pieces and those that stand beside them."""
         rest = self._rest_of(pieces)
-        return with_neighbours(
+        row = with_neighbours(
             pieces,
             self._library.named,
             lambda model, standing, piece: self._look(model, standing, piece, rest.views),
             lambda piece: self._take(rest, piece),
         )
+        return [piece for piece in row if not self._is_in_wall(piece)]
 
     def _placed(self, hypothesis: FurnitureHypothesis) -> Candidate:
         n_regions = len(self._regions)
@@ -316,12 +319,10 @@ class _Search:
             self._config.verification,
         )
         self.judged.extend(Judged(candidate, verdict) for verdict in verdicts)
-        return [
-            found
-            for found in with_verdicts(candidate, verdicts)
-            # The back of a shelf looks like a wall.
-            if found.furniture.front_planes or not is_in_wall(found.geometry.box, self._walls)
-        ]
+        return [one for one in with_verdicts(candidate, verdicts) if not self._is_in_wall(one)]
+
+    def _is_in_wall(self, piece: Candidate) -> bool:
+        return is_in_wall(piece.geometry.box, self._walls, may_touch=_is_filled(piece))
 
     def _look(
         self, model: CadModel, standing: Standing, piece: Candidate, views: Sequence[DepthView]

@@ -125,7 +125,9 @@ def test_wall_is_what_nothing_is_seen_behind() -> None:
 def test_nothing_stands_in_a_wall_or_behind_it(x: float, is_inside: bool) -> None:
     piece = BoundingBox(Pose(x, 0.0, 0.4), 0.5, 0.5, 0.8)
 
-    assert is_in_wall(piece, [upright(0.0, 0.0, 0.0, 3.0, 2.0)]) is is_inside
+    wall = upright(0.0, 0.0, 0.0, 3.0, 2.0)
+    assert is_in_wall(piece, [wall]) is is_inside
+    assert is_in_wall(piece, [wall], may_touch=True) is (x < -0.1)
 
 
 def test_side_of_a_shelf_says_where_its_front_is() -> None:
@@ -197,9 +199,9 @@ def test_islands_of_a_plane_are_looked_at_one_by_one(neck_m: float) -> None:
     islands = parts_of(region)
 
     islands.sort(key=lambda one: -one.area_m2)
-    assert [round(one.area_m2, 3) for one in islands] == [0.08, 0.06]
+    assert [one.area_m2 for one in islands] == pytest.approx([0.08, 0.06], abs=0.006)
     assert region.T_map_region.inverse().apply(islands[1].centroid[None])[0] == pytest.approx(
-        [0.35, 0.0, 0.0]
+        [0.35, 0.0, 0.0], abs=0.02
     )
     assert parts_of(upright(0.0, 0.0, 0.0, 1.0, 1.0)) == []
 
