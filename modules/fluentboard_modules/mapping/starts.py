@@ -20,6 +20,7 @@ _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
 _ROW_MAX = 12  # models side by side
 _START_STEP_M = 0.35  # ICP bridges 0.25 m
 _LEVEL = 0.7  # of a normal's z
+_INSIDE_BOARDS = 3  # level planes: more than a top and what lies behind it
 _INDEPENDENT_SHARE = 0.02  # neighbouring pixels err alike
 _LEAST_HEADING_RAD = 0.0015  # planes bend and poses drift
 _BACK_M = 0.08  # from the back of a chair's backrest to its front
@@ -50,7 +51,17 @@ def possible_starts(
         for offset in itertools.product(*steps):
             place = _standing(fit.face, fit.middle + offset, fit.yaw, turn)
             (first if offset == (0.0, 0.0) else others).append(place)
-    return first + others
+    places = first + others
+    if model.holds_things and sum(abs(part.normal[2]) > _LEVEL for part in parts) >= _INSIDE_BOARDS:
+        return [place for place in places if _is_open_to(place, model, parts)] or places
+    return places
+
+
+def _is_open_to(place: Standing, model: CadModel, parts: Sequence[PlanarRegion]) -> bool:
+    """Whether those who saw the boards stood before the front: no one sees through a back."""
+    eyes = np.mean([part.sensor_position for part in parts], axis=0)
+    ahead = place.transform.inverse().apply(eyes[None])[0, 0]
+    return bool(ahead > model.mesh.bounds[1, 0])
 
 
 def heading_of(geometry: FurnitureGeometry, parts: Sequence[PlanarRegion]) -> Heading | None:

@@ -24,7 +24,7 @@ from fluentboard_modules.mapping.config import (
 from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory, best_views, thin_view
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
-from fluentboard_modules.mapping.starts import possible_rows
+from fluentboard_modules.mapping.starts import possible_rows, possible_starts
 from fluentboard_modules.mapping.verify import Verdict, verify
 from fluentboard_modules.mapping.visibility import compare_with_views, front_relief_m
 from fluentboard_modules.simulation import furniture
@@ -301,3 +301,23 @@ def test_a_top_without_a_seen_end_may_lie_anywhere_along_itself(make_plane: Make
         return float(np.sqrt(verdict.covariance[1, 1]))
 
     assert sigma_along_m((-1.3, 0.0, 1.4), 1.2) > 2.0 * sigma_along_m((-4.2, 0.0, 1.8), 3.6)
+
+
+def test_boards_are_seen_through_the_front_of_a_shelf(make_plane: MakePlane) -> None:
+    shelf = cad(furniture.shelf())
+    depth, width = (shelf.mesh.bounds[1] - shelf.mesh.bounds[0])[:2].tolist()
+    geometry, (top,) = hypothesis(make_plane, (depth, width), (0.0, 0.0, 1.75), 0.0)
+    eye = np.array([2.0, 0.1, 1.4])
+    boards = [
+        replace(
+            top,
+            T_map_region=Transform.from_parts(np.eye(3), np.array([0.0, 0.0, height])),
+            sensor_position=eye,
+        )
+        for height in (1.75, 1.0, 0.5)
+    ]
+
+    starts = possible_starts(shelf, geometry, boards, VerificationConfig())
+
+    assert starts
+    assert all(abs(start.yaw_rad) < 0.1 for start in starts)
