@@ -86,9 +86,10 @@ def test_the_order_of_the_views_does_not_matter(
     (back,) = tables_after([[view(*seen[k])] for k in order]).furniture()
 
     assert there.identifier == back.identifier
-    assert np.allclose(there.box.sizes, back.box.sizes, atol=0.05)
-    assert abs(there.pose.x - back.pose.x) < 0.04
-    assert abs(there.pose.y - back.pose.y) < 0.03
+    # Every end was seen up to 2 cm off to either side, and the grid has cells of 1 cm.
+    assert np.allclose(there.box.sizes, back.box.sizes, atol=0.10)
+    assert abs(there.pose.x - back.pose.x) < 0.05
+    assert abs(there.pose.y - back.pose.y) < 0.05
 
 
 @settings(max_examples=15)
