@@ -28,7 +28,11 @@ def sink(form: Any = ox.QueryResultsFormat.JSON, **limits: int) -> ResultSink:
 
 
 def write(results: Any, into: ResultSink, form: Any = ox.QueryResultsFormat.JSON) -> None:
-    results.serialize(cast("IO[bytes]", into), form)
+    try:
+        results.serialize(cast("IO[bytes]", into), form)
+    finally:
+        # Else a failure keeps them, until another thread collects it: which pyoxigraph forbids.
+        del results
 
 
 @pytest.mark.parametrize("form", ["JSON", "XML", "CSV", "TSV"])
