@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 import httpx
 
 from fluentboard_client import exchange
+from fluentboard_client.calls import AwaitingStreams
 from fluentboard_client.client import DEFAULT_BOARD
 from fluentboard_client.conversation import LiveQuery
 from fluentboard_client.exchange import Request
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from fluentboard_client.live import AsyncSubscription
 
 
-class AsyncClient(FluentCalls, QueryCalls, LiveCalls, LiveAwaiting):
+class AsyncClient(FluentCalls, QueryCalls, LiveCalls, LiveAwaiting, AwaitingStreams):
     """A board, reached over HTTP.
 
     Every write carries an idempotency key, so a write that is repeated after a broken connection

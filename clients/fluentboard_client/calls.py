@@ -30,9 +30,13 @@ class Blocking(ABC):
     def send(self, request: Request) -> httpx.Response:
         """The reply to a request; raises the error that it stands for."""
 
+
+class BlockingStreams(Blocking):
+    """The same, and long replies are read piece by piece."""
+
+    @abstractmethod
     def streamed(self, request: Request) -> AbstractContextManager[httpx.Response]:
         """The reply to a request, whose body is still to be read."""
-        raise NotImplementedError
 
 
 class Awaiting(ABC):
@@ -42,9 +46,13 @@ class Awaiting(ABC):
     async def send(self, request: Request) -> httpx.Response:
         """The reply to a request; raises the error that it stands for."""
 
+
+class AwaitingStreams(Awaiting):
+    """The same, and long replies are read piece by piece."""
+
+    @abstractmethod
     def streamed(self, request: Request) -> AbstractAsyncContextManager[httpx.Response]:
         """The reply to a request, whose body is still to be read."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,16 +180,20 @@ class pieces(Method[_P, Request]):
     def __get__(self, caller: None, owner: type) -> Callable[Concatenate[Any, _P], Request]: ...
 
     @overload
-    def __get__(self, caller: Blocking, owner: type) -> Callable[_P, Iterator[bytes]]: ...
+    def __get__(self, caller: BlockingStreams, owner: type) -> Callable[_P, Iterator[bytes]]: ...
 
     @overload
-    def __get__(self, caller: Awaiting, owner: type) -> Callable[_P, AsyncIterator[bytes]]: ...
+    def __get__(
+        self, caller: AwaitingStreams, owner: type
+    ) -> Callable[_P, AsyncIterator[bytes]]: ...
 
-    def __get__(self, caller: Blocking | Awaiting | None, owner: type) -> Callable[..., Any]:
+    def __get__(
+        self, caller: BlockingStreams | AwaitingStreams | None, owner: type
+    ) -> Callable[..., Any]:
         if caller is None:
             return self.asked
         asked = self.bound(caller)
-        if isinstance(caller, Blocking):
+        if isinstance(caller, BlockingStreams):
 
             @wraps(asked)
             def received(*args: _P.args, **options: _P.kwargs) -> Iterator[bytes]:

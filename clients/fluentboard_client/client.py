@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 import httpx
 
 from fluentboard_client import exchange
+from fluentboard_client.calls import BlockingStreams
 from fluentboard_client.conversation import LiveQuery
 from fluentboard_client.exchange import Request
 from fluentboard_client.fluent_calls import FluentCalls
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 DEFAULT_BOARD = "http://127.0.0.1:8080"
 
 
-class Client(FluentCalls, QueryCalls, LiveCalls, LiveBlocking):
+class Client(FluentCalls, QueryCalls, LiveCalls, LiveBlocking, BlockingStreams):
     """A board, reached over HTTP.
 
     Every write carries an idempotency key, so a write that is repeated after a broken connection

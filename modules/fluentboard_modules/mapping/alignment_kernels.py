@@ -62,15 +62,15 @@ def icp_steps(
             local[k, 2] = points_map[k, 2] - place[3]
             i = int(np.floor((local[k, 0] - low[0]) / voxel_m))
             j = int(np.floor((local[k, 1] - low[1]) / voxel_m))
-            l = int(np.floor((local[k, 2] - low[2]) / voxel_m))  # noqa: E741
+            up = int(np.floor((local[k, 2] - low[2]) / voxel_m))
             index[k] = OUTSIDE
-            if i < 0 or j < 0 or l < 0:
+            if i < 0 or j < 0 or up < 0:
                 continue
-            if i >= field.shape[0] or j >= field.shape[1] or l >= field.shape[2]:
+            if i >= field.shape[0] or j >= field.shape[1] or up >= field.shape[2]:
                 continue
-            index[k] = field[i, j, l]
+            index[k] = field[i, j, up]
             if index[k] == MISSING:
-                missing[n_missing] = (i * field.shape[1] + j) * field.shape[2] + l
+                missing[n_missing] = (i * field.shape[1] + j) * field.shape[2] + up
                 n_missing += 1
         if n_missing > 0:
             return number, missing[:n_missing]

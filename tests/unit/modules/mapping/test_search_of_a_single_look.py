@@ -30,7 +30,7 @@ from fluentboard_modules.mapping.side_fronts import fronts_beside
 from fluentboard_modules.mapping.visibility import compare_with_views
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.office_furniture import plain_table
-from fluentboard_modules.simulation.scene import Instance, Scene
+from fluentboard_modules.simulation.scene import Instance, Model, Scene
 from fluentboard_modules.simulation.sensor import RgbdSensor
 from fluentboard_modules.simulation.viewpoint import kinect_camera, look_at
 
@@ -40,8 +40,8 @@ SHELF = furniture.shelf(width=0.8, depth=0.38, height=1.86, compartments=5)
 FLOOR = Instance("floor", furniture.floor(14.0, 14.0), Pose(0.0, 0.0, 0.0))
 
 
-def cad(model: object) -> CadModel:
-    (found,) = library_of([model]).models  # type: ignore[list-item]
+def cad(model: Model) -> CadModel:
+    (found,) = library_of([model]).models
     return found
 
 
