@@ -17,13 +17,14 @@ from fluentboard_modules.simulation.noise import (
     lateral_sigma_px,
     noisy_depth,
     projector_shadow,
-    quantised,
 )
 
 SHAPE = (120, 160)
 FOCAL = 580.0
 ONLY_AXIAL = NoiseConfig.none().model_copy(update={"axial": 1.0})
 ONLY_LATERAL = NoiseConfig.none().model_copy(update={"lateral": 1.0})
+ONLY_QUANTISED = NoiseConfig.none().model_copy(update={"quantisation": True})
+NO_RNG = np.random.default_rng(0)  # nothing is drawn from it
 
 
 def flat(depth_m: float) -> NDArray[np.float32]:
@@ -94,16 +95,18 @@ def test_labels_taken_along_agree_with_the_depth(rng: np.random.Generator):
 
 @given(st.floats(0.4, 8.0))
 def test_a_quantised_depth_has_a_disparity_in_eighths_of_a_pixel(depth_m: float):
-    config = NoiseConfig()
-    shown = float(quantised(np.array([depth_m]), config)[0])
+    shown = float(
+        noisy_depth(flat(depth_m), facing(0.0), FOCAL, ONLY_QUANTISED, NO_RNG).depth_m[0, 0]
+    )
     eighths = 8.0 * 580.0 * 0.075 / shown
-    assert eighths == pytest.approx(round(eighths), abs=1e-6)
+    # Depths are of single precision: of 870 eighths, that is 1e-4.
+    assert eighths == pytest.approx(round(eighths), abs=2e-4)
     # Khoshelham 2012: steps of about 2.87 mm per square metre of depth; rounding errs by half one.
-    assert abs(shown - depth_m) <= 0.55 * depth_m**2 / (8.0 * 580.0 * 0.075) + 1e-9
+    assert abs(shown - depth_m) <= 0.55 * depth_m**2 / (8.0 * 580.0 * 0.075) + 1e-6
 
 
 def test_unknown_depth_stays_unknown_when_quantised():
-    assert quantised(np.zeros(3), NoiseConfig()).tolist() == [0.0, 0.0, 0.0]
+    assert not noisy_depth(flat(0.0), facing(0.0), FOCAL, ONLY_QUANTISED, NO_RNG).depth_m.any()
 
 
 def test_the_shadow_lies_left_of_the_nearer_surface_and_is_as_wide_as_the_disparity():

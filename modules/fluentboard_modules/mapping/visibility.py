@@ -91,12 +91,6 @@ class Visibility:
             + config.doubt_m2
         )
 
-    @property
-    def seen_share(self) -> float:
-        """The share of the model in view that was not hidden."""
-        total = self.explained + self.occluded + self.violated + self.unknown
-        return (self.explained + self.violated) / total if total > 0.0 else 0.0
-
 
 def compare_with_views(
     model: CadModel,

@@ -82,11 +82,6 @@ class PlanningProblem:
         """p(V(S)): the probability to find the object with all views (Eq. 5.2)."""
         return 1.0 - math.exp(-self.words.reachable)
 
-    @property
-    def is_worth_starting(self) -> bool:
-        """Whether p(V(S)) reaches the threshold omega."""
-        return self.total_probability >= self.omega and self.total_probability > 0.0
-
 
 @dataclass(frozen=True, eq=False)
 class Words:

@@ -127,10 +127,6 @@ class VisibleCells:
         )
         return np.sort(self._out[:count])
 
-    def of_all(self, views: Sequence[View]) -> SampledViews:
-        """Views with what they would reveal, those that reveal nothing included."""
-        return SampledViews.joined(views, [self.of(view) for view in views])
-
 
 def sample_views(
     frontiers: Frontiers,

@@ -123,15 +123,6 @@ def _steepness(incidence_rad: FloatArray) -> FloatArray:
     return angle / (0.5 * math.pi - angle)
 
 
-def quantised(depth_m: FloatArray, config: NoiseConfig) -> FloatArray:
-    """Depths whose disparity f b / z is a multiple of the disparity step; 0 stays 0."""
-    product = config.focal_px * config.baseline_m
-    known = depth_m > 0.0
-    disparity = product / np.where(known, depth_m, 1.0)
-    steps = np.maximum(np.rint(disparity / config.disparity_step_px), 1.0)
-    return np.where(known, product / (steps * config.disparity_step_px), 0.0)
-
-
 def projector_shadow(
     depth_m: NDArray[np.floating[Any]], focal_px: float, baseline_m: float
 ) -> NDArray[np.bool_]:
