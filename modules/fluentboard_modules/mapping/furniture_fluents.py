@@ -84,6 +84,7 @@ class FurnitureFluents:
         *,
         final: bool = False,
         gone: Collection[str] = (),
+        doubts: Mapping[str, float] | None = None,
     ) -> tuple[FurnitureFluents, list[Statement]]:
         """The statements that a look leads to, and what the board has been told after them.
 
@@ -93,6 +94,8 @@ class FurnitureFluents:
             final: whether it is the last one; then small improvements are written too, and what is
                 missing is given up.
             gone: names of remembered pieces whose places were seen empty.
+            doubts: what is left of the belief in remembered pieces whose places were seen empty,
+                but not often enough; written with the last look, for the run after this one.
         """
         written = dict(self.written)
         remembered = list(self.remembered)
@@ -128,9 +131,16 @@ class FurnitureFluents:
                 statements += new
             belief = combined_belief(known.belief_before, item.score, self.existence)
             is_due = final or abs(belief - known.belief) >= self.config.belief
-            known, new = evidence_of(known, item, belief, now_s, is_due=is_due)
+            known, new = evidence_of(known, item.frames_s, belief, now_s, is_due=is_due)
             statements += new
             written[item.identifier] = known
+        if final and doubts:
+            for k, known in enumerate(remembered):
+                if known.name in doubts:
+                    remembered[k], new = evidence_of(
+                        known, (), doubts[known.name], now_s, is_due=True
+                    )
+                    statements += new
         given_up = [
             departed
             for departed in missing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,19 +39,19 @@ def last_planes(known: Written, item: FurnitureItem) -> tuple[Written, list[Stat
 
 
 def evidence_of(
-    known: Written, item: FurnitureItem, belief: float, now_s: float, *, is_due: bool
+    known: Written, seen_s: Sequence[float], belief: float, now_s: float, *, is_due: bool
 ) -> tuple[Written, list[Statement]]:
     """How far the piece is believed in, and the frames since the last evidence that support it.
 
     Args:
         known: what the board has been told.
-        item: the piece.
+        seen_s: stamps of the frames that show it.
         belief: that it is there.
         now_s: time of the look.
         is_due: whether it is time to tell more; the first time it always is.
     """
     until_s = -math.inf if known.frames_until_s is None else known.frames_until_s
-    frames_s = [stamp_s for stamp_s in item.frames_s if stamp_s > until_s]
+    frames_s = [stamp_s for stamp_s in seen_s if stamp_s > until_s]
     belief = round(belief, 4)
     is_due |= not known.evidence
     is_past = now_s < until_s or (known.confirmed_s is not None and now_s < known.confirmed_s)
@@ -66,7 +66,7 @@ def evidence_of(
         now,
         UNKNOWN,
         (
-            Property("isEvidenceAbout", item.class_name, known.name),
+            Property("isEvidenceAbout", known.estimate.class_name, known.name),
             Property("hasExistenceBelief", "xsd:double", belief),
             *(Property("hasSupportingFrame", "xsd:double", stamp_s) for stamp_s in frames_s),
         ),

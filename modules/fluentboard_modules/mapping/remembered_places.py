@@ -35,15 +35,31 @@ class RememberedPlaces:
         planes: per name of a piece its main plane, map frame.
         config: when a plane is seen through, and what that means.
         gone_below: belief below which a piece is gone.
+        beliefs: what earlier runs believed of them; who is not named is believed in fully.
     """
 
     def __init__(
-        self, planes: Mapping[str, PlanarRegion], config: FusionConfig, gone_below: float
+        self,
+        planes: Mapping[str, PlanarRegion],
+        config: FusionConfig,
+        gone_below: float,
+        beliefs: Mapping[str, float] | None = None,
     ) -> None:
         self._config = config
         self._gone_below = gone_below
         self._planes = {name: _map_plane(region, config) for name, region in planes.items()}
-        self._odds = dict.fromkeys(self._planes, log_odds(config.existence.belief_max))
+        known, highest = beliefs or {}, config.existence.belief_max
+        self._before = {name: log_odds(known.get(name, highest)) for name in self._planes}
+        self._odds = dict(self._before)
+
+    @property
+    def doubts(self) -> dict[str, float]:
+        """What is left of the belief in pieces that are less believed in than before this run."""
+        return {
+            name: probability(odds)
+            for name, odds in self._odds.items()
+            if odds < self._before[name]
+        }
 
     def look(self, frame: SensorFrame, unseen: Iterable[str]) -> set[str]:
         """Names of pieces that turn out to be gone.

@@ -131,7 +131,9 @@ class MappingModule:
             names=frozenset(fluent.name for fluent in (*known, *ended)),
         )
         planes = remembered_planes(known, geometry)
-        self._places = RememberedPlaces(planes, fusion, self._config.furniture.drop_score)
+        beliefs = {known.name: known.belief for known in self._fluents.remembered if known.evidence}
+        drop = self._config.furniture.drop_score
+        self._places = RememberedPlaces(planes, fusion, drop, beliefs)
         if self._fluents.remembered:
             logger.info("the board knows %d pieces of furniture", len(self._fluents.remembered))
         self._near_misses = tuple(board.fluents("NearMiss"))
@@ -194,7 +196,11 @@ class MappingModule:
 
     def _written(self, *, final: bool, gone: Collection[str] = ()) -> list[Command]:
         self._fluents, statements = self._fluents.update(
-            self._map.furniture(), self._last_s, final=final, gone=gone
+            self._map.furniture(),
+            self._last_s,
+            final=final,
+            gone=gone,
+            doubts=self._places.doubts if self._places is not None else None,
         )
         return commands_for(statements)
 

@@ -60,8 +60,7 @@ def test_rates_that_tell_nothing_are_refused() -> None:
         ExistenceConfig(detection_rate=0.4)
 
 
-@pytest.fixture
-def place() -> RememberedPlaces:
+def table_place(beliefs: dict[str, float] | None = None) -> RememberedPlaces:
     """The top of the table of the conftest, as the board has it."""
     contour = (
         "MULTIPOLYGON Z (((-0.7 1.2 0.72, 0.7 1.2 0.72, 0.7 2 0.72, -0.7 2 0.72, -0.7 1.2 0.72)))"
@@ -73,7 +72,13 @@ def place() -> RememberedPlaces:
         "plane1", "TablePlane", properties=(Property("hasContour", "xsd:string", contour),)
     )
     planes = remembered_planes([table], {"plane1": top})
-    return RememberedPlaces(planes, FusionConfig(), gone_below=0.3)
+    return RememberedPlaces(planes, FusionConfig(), 0.3, beliefs)
+
+
+@pytest.fixture
+def place() -> RememberedPlaces:
+    """The same, fully believed in."""
+    return table_place()
 
 
 def gone_after(place: RememberedPlaces, frame: SensorFrame, looks: int) -> int | None:
@@ -88,6 +93,12 @@ def test_remembered_table_that_is_seen_through_is_gone(
     place: RememberedPlaces, render: Render
 ) -> None:
     assert gone_after(place, render([]), 20) == 7
+
+
+def test_doubt_of_one_run_counts_in_the_next(place: RememberedPlaces, render: Render) -> None:
+    assert place.doubts == {}
+    assert gone_after(place, render([]), 4) is None
+    assert gone_after(table_place(place.doubts), render([]), 20) == 3
 
 
 def test_remembered_table_that_stands_there_stays(

@@ -243,6 +243,24 @@ def test_board_is_remembered_by_a_later_run() -> None:
     assert endings(statements)["poseTable1_0"] == Interval(105.0, 107.0)
 
 
+def test_doubt_about_a_piece_that_nobody_saw_is_written_with_the_last_look() -> None:
+    _, statements = start().update([a_table()], 5.0)
+    on_board = fluents(statements)
+    parts = {name: f for name, f in on_board.items() if name != "table1"}
+    remembered = tuple(recollect([on_board["table1"]], parts))
+    later = replace(start(), remembered=remembered, names=frozenset({"table1"}))
+    assert later.update([], 105.0, doubts={"table1": 0.4})[1] == []
+    _, statements = later.update([], 105.0, final=True, doubts={"table1": 0.4})
+    (evidence,) = fluents(statements).values()
+    assert evidence.values("hasExistenceBelief") == (0.4,)
+    assert evidence.values("isEvidenceAbout") == ("table1",)
+    assert endings(statements).keys() == {"evidenceTable1_0"}
+    parts = {name: f for name, f in parts.items() if name != "evidenceTable1_0"}
+    parts[evidence.name] = evidence
+    (known,) = recollect([on_board["table1"]], parts)
+    assert known.belief == 0.4
+
+
 def test_piece_elsewhere_is_a_new_one_for_a_later_run() -> None:
     _, statements = start().update([a_table()], 5.0)
     on_board = fluents(statements)
