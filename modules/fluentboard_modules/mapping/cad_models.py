@@ -30,10 +30,12 @@ class Void:
     Attributes:
         low: `(3,)`; lowest corner, metres.
         high: `(3,)`; highest corner, metres.
+        must_be_seen: whether the piece is only believed if its being empty was seen.
     """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    must_be_seen: bool = False
 
 
 @dataclass(frozen=True, slots=True)

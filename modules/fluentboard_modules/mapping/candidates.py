@@ -254,6 +254,8 @@ def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -
                 same_class or plane.label != other.hypothesis.main_label
             ):
                 return True
+    if not _share_heights(better.geometry.box, other.geometry.box):
+        return False
     overlap = box_overlap(better.geometry.box, other.geometry.box)
     are_exact = all(c.fit is not None and c.fit.is_exact for c in (better, other))
     if same_class:
@@ -264,6 +266,11 @@ def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -
         if seat.furniture.back_planes and top.furniture.has_room_below:
             return False
     return overlap >= (config.exact_overlap if are_exact else config.other_place_overlap)
+
+
+def _share_heights(a: BoundingBox, b: BoundingBox) -> bool:
+    """Whether one of two upright boxes is not wholly above the other."""
+    return abs(a.pose.z - b.pose.z) < 0.5 * (a.z_size + b.z_size)
 
 
 def _support(planes: tuple[FurniturePlane, ...]) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.candidates import (
     Candidate,
@@ -21,7 +22,11 @@ from fluentboard_modules.mapping.candidates import (
     place_candidate,
     with_verdicts,
 )
-from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
+from fluentboard_modules.mapping.config import (
+    DepthNoiseConfig,
+    FurnitureMapConfig,
+    HypothesisConfig,
+)
 from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_change import differs
 from fluentboard_modules.mapping.furniture_item import (
@@ -30,7 +35,7 @@ from fluentboard_modules.mapping.furniture_item import (
     FurniturePlane,
     box_overlap,
 )
-from fluentboard_modules.mapping.hypotheses import placing_box
+from fluentboard_modules.mapping.hypotheses import placing_box, space_above
 from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.loose_planes import unexplained
 from fluentboard_modules.mapping.near_misses import NearMiss
@@ -304,7 +309,6 @@ class FurnitureMap:
         self, candidate: Candidate, candidates: list[Candidate], track: _Track | None
     ) -> FurnitureItem:
         furniture = candidate.furniture
-        top = _top_of(candidate)
         seen_now = candidate.main_plane in self._plane_map.planes_seen_last
         return FurnitureItem(
             identifier="" if track is None else track.item.identifier,
@@ -312,9 +316,7 @@ class FurnitureMap:
             pose=candidate.geometry.pose,
             box=candidate.geometry.box,
             placing_area=(
-                None
-                if furniture.back_planes
-                else placing_box(top, candidate.geometry.pose.yaw_rad, self._config.hypotheses)
+                None if furniture.back_planes else _placing_area(candidate, self._config.hypotheses)
             ),
             score=candidate.score,
             n_frames=candidate.n_frames,
@@ -390,10 +392,12 @@ class FurnitureMap:
         return f"{class_name[0].lower()}{class_name[1:]}{number}"
 
 
-def _top_of(candidate: Candidate) -> PlanarRegion:
-    """The plane on which things are put: of a piece known by its front, its largest board."""
-    main = candidate.planes[0].region
-    boards = [plane.region for plane in candidate.planes if abs(plane.region.normal[2]) > _LEVEL]
-    if abs(main.normal[2]) > _LEVEL or not boards:
-        return main
-    return max(boards, key=lambda board: board.area_m2)
+def _placing_area(candidate: Candidate, config: HypothesisConfig) -> BoundingBox:
+    """Where things are put: of a piece known by its front, on its largest board or on its top."""
+    top, geometry = candidate.planes[0].region, candidate.geometry
+    if abs(top.normal[2]) <= _LEVEL:
+        boards = [p.region for p in candidate.planes if abs(p.region.normal[2]) > _LEVEL]
+        if not boards:
+            return space_above(geometry.box, config)
+        top = max(boards, key=lambda board: board.area_m2)
+    return placing_box(top, geometry.pose.yaw_rad, config)

@@ -28,6 +28,8 @@ _BACK_BELOW_SEAT_M = 0.15
 _PLINTH_M = 0.12
 _BOARDS_APART_M = 0.15
 _BOARD_M = 0.02
+_FRONT_DEPTH_M = 0.3  # of a body behind a front: so much of its top would be seen from above
+_CLEAR_BELOW_M = 0.45  # boards of shelves are nearer to each other
 _EDGE_M = 0.06  # outlines of planes reach beyond the true edges by pixels and by drift of poses
 
 
@@ -112,6 +114,8 @@ def _top(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
 
 def _closed(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
     """A closed body below the top: worktops and cabinets stand on the floor, on a plinth."""
+    if abs(parts[0].normal[2]) <= _LEVEL:
+        return _behind_a_front(T_model_map, parts)
     low, high = _extent(parts[0], T_model_map)
     inset = np.minimum(0.06, 0.2 * (high - low)[:2])
     size = (high - low)[:2] - 2.0 * inset
@@ -123,6 +127,44 @@ def _closed(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
         body = solids.box(float(size[0]), float(size[1]), rise, (float(x), float(y), _PLINTH_M))
         meshes.append(body)
     return meshes, ()
+
+
+def _behind_a_front(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
+    """A closed body behind a front that ends at a worktop, above which one sees farther.
+
+    The model's x axis points to where the front is seen from. A wall that juts out goes on above,
+    and so does a wall of which furniture hides a part.
+    """
+    low, high = _extent(parts[0], T_model_map)
+    inset = min(_EDGE_M, 0.2 * float(high[1] - low[1]))
+    top, width = float(high[2]), float(high[1] - low[1]) - 2.0 * inset
+    front, y = 0.5 * float(low[0] + high[0]), 0.5 * float(low[1] + high[1])
+    rise = top - _EDGE_M - _PLINTH_M
+    if rise < 0.1:
+        return [], ()
+    body = solids.box(_FRONT_DEPTH_M, width, rise, (front - 0.5 * _FRONT_DEPTH_M, y, _PLINTH_M))
+    # The edge of the worktop is mostly clear; further back things stand.
+    above = Void(
+        (front - 0.15, y - 0.5 * width, top + _EDGE_M),
+        (front - _EDGE_M, y + 0.5 * width, top + 0.3),
+        must_be_seen=True,
+    )
+    sheet = _sheet(parts[0], T_model_map)
+    return ([body] if sheet is None else [sheet, body]), (above,)
+
+
+def _fixed_board(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
+    """A board on a wall, with nothing below it."""
+    sheet = _sheet(parts[0], T_model_map)
+    low, high = _extent(parts[0], T_model_map)
+    inset = np.minimum(0.1, 0.25 * (high - low)[:2])
+    height = parts[0].height_m
+    below = Void(
+        (float(low[0] + inset[0]), float(low[1] + inset[1]), height - _CLEAR_BELOW_M),
+        (float(high[0] - inset[0]), float(high[1] - inset[1]), height - 0.08),
+        must_be_seen=True,
+    )
+    return ([sheet] if sheet is not None else []), (below,)
 
 
 def _boards(T_model_map: Transform, parts: Sequence[PlanarRegion]) -> Made:
@@ -157,6 +199,7 @@ _MAKERS: dict[str, Maker] = {
     "Counter": _closed,
     "Cabinet": _closed,
     "Shelf": _boards,
+    "WallShelf": _fixed_board,
 }
 
 

@@ -23,6 +23,7 @@ from fluentboard_modules.mapping.rules import FurnitureHypothesis
 
 # Edges within this angle have a direction in common, if they make up this share of the outline.
 _COMMON_RAD, _COMMON_SHARE = 0.09, 0.5
+_SAME_WAY = 0.8  # the least cosine
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,10 @@ def place_hypothesis(
     # The other planes of a shelf say how high it is; those of a chair's wrong backrests do not.
     if not furniture.back_planes:
         used = [regions[part.plane] for part in hypothesis.planes]
-    box = upright_box(used, yaw)
+    if furniture.hanging_height_m > 0.0:
+        box = _hanging_box(main, yaw, furniture.hanging_height_m)
+    else:
+        box = upright_box(used, yaw)
     return FurnitureGeometry(_pose(main.centroid, yaw), box, back)
 
 
@@ -81,6 +85,14 @@ def upright_box(regions: Sequence[PlanarRegion], yaw_rad: float) -> BoundingBox:
     """The smallest box of a given heading around some planes, standing on the floor."""
     corners = np.concatenate([region.outline_map() for region in regions])
     return _box_around(corners, yaw_rad, float(max(corners[:, 2].max(), 0.0)))
+
+
+def _hanging_box(main: PlanarRegion, yaw_rad: float, height_m: float) -> BoundingBox:
+    """The box of a board that is fixed to a wall."""
+    flat = _box_around(main.outline_map(), yaw_rad, 0.0)
+    middle = main.height_m - 0.5 * height_m
+    pose = Pose.from_rpy(flat.pose.x, flat.pose.y, middle, yaw=yaw_rad)
+    return BoundingBox(pose, flat.x_size, flat.y_size, height_m)
 
 
 def placing_box(main: PlanarRegion, yaw_rad: float, config: HypothesisConfig) -> BoundingBox:
@@ -93,6 +105,15 @@ def placing_box(main: PlanarRegion, yaw_rad: float, config: HypothesisConfig) ->
         flat.x_size,
         flat.y_size,
         height,
+    )
+
+
+def space_above(box: BoundingBox, config: HypothesisConfig) -> BoundingBox:
+    """The same above a piece of whose top nothing was seen."""
+    pose, height = box.pose, config.placing_height_m
+    middle = pose.z + 0.5 * (box.z_size + height)
+    return BoundingBox(
+        Pose.from_rpy(pose.x, pose.y, middle, yaw=pose.yaw_rad), box.x_size, box.y_size, height
     )
 
 
@@ -239,18 +260,32 @@ def _place_backrest(
 def _place_front(
     hypothesis: FurnitureHypothesis, furniture: FurnitureClass, regions: Sequence[PlanarRegion]
 ) -> FurnitureGeometry:
-    """A piece of which the front is seen, such as the backs of the books in a shelf."""
+    """A piece of which the front is seen, such as the backs of the books in a shelf.
+
+    A wall behind it, if its class asks for one, says how deep it is.
+    """
     front = regions[hypothesis.main_plane]
     normal = _level(front.normal)
     yaw = float(np.arctan2(normal[1], normal[0]))
     outline = front.outline_map()
-    depth = furniture.typical_depth_m
     backward = -np.append(normal, 0.0)
+    others = [regions[part.plane] for part in hypothesis.planes[1:]]
+    walls = [
+        (front.centroid - other.centroid) @ other.normal
+        for other in others
+        if _faces_like(other, normal)
+    ]
+    depth = min(walls, default=furniture.typical_depth_m)
     corners = np.concatenate([outline, outline + depth * backward])
     box = _box_around(corners, yaw, float(outline[:, 2].max()))
     return FurnitureGeometry(
         _pose(front.centroid + 0.5 * depth * backward, yaw), box, hypothesis.main_plane, "front"
     )
+
+
+def _faces_like(wall: PlanarRegion, normal: FloatArray) -> bool:
+    """Whether an upright plane faces where a horizontal direction points."""
+    return bool(wall.normal[:2] @ normal > _SAME_WAY)
 
 
 def _level(normal: FloatArray) -> FloatArray:

@@ -20,6 +20,8 @@ LABEL_COLOURS = {
     "DeskPlane": "#2a9d8f",
     "CoffeeTablePlane": "#74c0a5",
     "CounterPlane": "#3a6ea5",
+    "CounterFrontPlane": "#7fa6d1",
+    "WallBoardPlane": "#8fb8a8",
     "ChairSeatPlane": "#d1495b",
     "WallPlane": "#b4bcc6",
     "CabinetFrontPlane": "#9bb8d3",
@@ -37,6 +39,7 @@ _CLASS_COLOURS = {
     "Cabinet": "#41699a",
     "Chair": "#b02a3d",
     "Shelf": "#6f4fa0",
+    "WallShelf": "#4d8a76",
 }
 _SPARE_COLOURS = ("#8a5a44", "#5b8e7d", "#bc4b51", "#7a6c5d", "#4f6d7a")
 

@@ -103,6 +103,8 @@ class PlaneRelations:
     MEASURED = (
         "isLowerThan",
         "isInFrontOf",
+        "isBackedBy",
+        "isFixedTo",
         "isPerpendicularTo",
         "isParallelTo",
         "isAdjacentTo",
@@ -134,6 +136,9 @@ class PlaneRelations:
             passed = self._height[j] - self._height[i] >= tolerance["minimumRise"]
         elif relation == "isInFrontOf":
             passed = self._depth_behind(i, j) >= tolerance["minimumDepth"]
+        elif relation in ("isBackedBy", "isFixedTo"):
+            depth = -self._depth_behind(j, i)
+            passed = (depth >= tolerance["minimumDepth"]) & (depth <= tolerance["maximumDepth"])
         elif relation == "isPerpendicularTo":
             passed = np.arcsin(self._cosines(i, j)) <= tolerance["angleTolerance"]
         elif relation == "isParallelTo":
@@ -150,6 +155,10 @@ class PlaneRelations:
             gap = tolerance["maximumGap"]
             near = [self._gap_m(int(a), int(b), gap) <= gap for a, b in zip(i, j, strict=True)]
             i, j = i[near], j[near]
+        elif relation in ("isBackedBy", "isFixedTo"):
+            least = tolerance["minimumOverlap"]
+            along = [self._goes_along(int(a), int(b)) >= least for a, b in zip(i, j, strict=True)]
+            i, j = i[along], j[along]
         elif relation == "isBelow":
             least = tolerance["minimumOverlap"]
             over = [self._overlap(int(a), int(b)) >= least for a, b in zip(i, j, strict=True)]
@@ -174,6 +183,15 @@ class PlaneRelations:
         if relation == "isInFrontOf":
             depth = float(self._depth_behind(np.array([i]), np.array([j]))[0])
             return [Measurement("depth behind", depth, tolerance["minimumDepth"], True, "m")]
+        if relation in ("isBackedBy", "isFixedTo"):
+            depth = -float(self._depth_behind(np.array([j]), np.array([i]))[0])
+            return [
+                Measurement("depth behind", depth, tolerance["minimumDepth"], True, "m"),
+                Measurement("depth behind", depth, tolerance["maximumDepth"], False, "m"),
+                Measurement(
+                    "overlap", self._goes_along(i, j), tolerance["minimumOverlap"], True, ""
+                ),
+            ]
         if relation == "isAdjacentTo":
             gap = self._gap_m(i, j, np.inf)
             return [Measurement("gap", gap, tolerance["maximumGap"], False, "m")]
@@ -185,6 +203,19 @@ class PlaneRelations:
     def _depth_behind(self, i: IndexArray, j: IndexArray) -> FloatArray:
         """How far the centroid of j lies behind the plane i, seen from where i was seen, metres."""
         return np.einsum("ki,ki->k", self._normal[i], self._centre[i] - self._centre[j])
+
+    def _goes_along(self, i: int, j: int) -> float:
+        """Share of the extent of the plane i, level and along the wall j, that the wall reaches."""
+        level = self._normal[j][:2]
+        length = float(np.linalg.norm(level))
+        if length < 1e-6:
+            return 0.0
+        along = np.array([-level[1], level[0]]) / length
+        (low, high), (other_low, other_high) = (
+            (float(reach.min()), float(reach.max()))
+            for reach in (self._regions[k].outline_map()[:, :2] @ along for k in (i, j))
+        )
+        return max(min(high, other_high) - max(low, other_low), 0.0) / max(high - low, 1e-6)
 
     def _cosines(self, i: IndexArray, j: IndexArray) -> FloatArray:
         """Absolute cosine between the normals of each pair."""

@@ -120,6 +120,8 @@ class FurnitureClass:
         front_planes: labels of a plane that is its front, facing whoever uses it, or part of it.
         has_room_below: whether chairs may stand below it.
         side_planes: labels of a plane that is its left or its right side.
+        hanging_height_m: extent of what hangs on a wall, downwards from its main plane; 0 for
+            what stands on the floor.
     """
 
     name: str
@@ -131,6 +133,7 @@ class FurnitureClass:
     front_planes: tuple[str, ...] = ()
     has_room_below: bool = False
     side_planes: tuple[str, ...] = ()
+    hanging_height_m: float = 0.0
 
     @property
     def part_planes(self) -> tuple[str, ...]:

@@ -39,6 +39,7 @@ SWRLB = Namespace("http://www.w3.org/2003/11/swrlb#")
 _TOLERANCES = (
     "minimumRise",
     "minimumDepth",
+    "maximumDepth",
     "minimumOverlap",
     "angleTolerance",
     "maximumGap",
@@ -131,6 +132,7 @@ def _furniture(
             front_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.frontPlane))),
             side_planes=tuple(sorted(_name(o) for o in graph.objects(node, FURNITURE.sidePlane))),
             has_room_below=str(graph.value(node, FURNITURE.hasRoomBelow)) in ("true", "1"),
+            hanging_height_m=_number(graph, node, FURNITURE.hangingHeight, 0.0),
         )
     return furniture
 

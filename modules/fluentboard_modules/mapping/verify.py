@@ -35,6 +35,7 @@ from fluentboard_modules.mapping.visibility import (
 _GENERIC_SIGMA = (0.026, 0.026, 0.04)
 _ROW_STEPS_M = (0.2, 0.1, 0.05, 0.025)  # by which a row is shifted
 _IN_ROW_REACH_M = 0.03  # the others of the row hold each piece in its place
+_CLEAR_M2 = 0.02  # seen through, before a space that has to be empty is believed to be
 _BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
 
 
@@ -176,9 +177,16 @@ def _judge_generic(
         score,
         visibility,
         covariance,
-        score >= config.accept_score,
+        score >= config.accept_score and _is_clear(model, visibility),
         len(views),
     )
+
+
+def _is_clear(model: CadModel, visibility: Visibility) -> bool:
+    """Whether the spaces that have to be seen empty were."""
+    if not any(void.must_be_seen for void in model.voids):
+        return True
+    return visibility.empty > max(visibility.filled, _CLEAR_M2)
 
 
 def _try_model(

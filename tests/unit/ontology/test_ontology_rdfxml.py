@@ -55,7 +55,7 @@ def test_owlready2_sees_the_classes_and_imports(world: Any) -> None:
 
 def test_owlready2_sees_every_rule(world: Any) -> None:
     furniture = world.get_ontology(ontology_iri("furniture") + "#")
-    assert len(list(furniture.rules())) == 28
+    assert len(list(furniture.rules())) == 32
     by_name = {rule.name: rule for rule in furniture.rules()}
     assert str(by_name["LowShelfPlaneRule"]) == (
         "HorizontalPlane(?p), hasSize(?p, ?s), greaterThan(?s, 0.01), lessThan(?s, 0.5), "

@@ -173,3 +173,26 @@ def test_a_strip_of_a_top_is_a_hint_where_a_cad_model_has_its_top(
 
     assert hints(0.73) == 1
     assert hints(0.6) == 0
+
+
+def test_doors_in_front_of_a_wall_are_a_counter_whose_worktop_nobody_saw(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    doors = make_plane((0.0, 0.0, 0.45), (0.0, -1.0, 0.0), (2.0, 0.85))
+    tiles = make_plane((0.0, 0.6, 1.3), (0.0, -1.0, 0.0), (2.0, 0.7))
+
+    (counter,) = (
+        h for h in furniture_rules.classify([doors, tiles]).hypotheses if h.class_name == "Counter"
+    )
+    assert [part.label for part in counter.planes] == ["CounterFrontPlane", "SplashbackPlane"]
+    assert ("Counter", 0) not in found(furniture_rules.classify([doors]))
+
+
+def test_a_board_at_a_wall_is_a_wall_shelf(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    board = make_plane((0.0, 0.0, 1.1), size=(1.5, 0.3))
+    wall = make_plane((0.0, 0.17, 1.2), (0.0, -1.0, 0.0), (3.0, 2.4))
+
+    assert ("WallShelf", 0) in found(furniture_rules.classify([board, wall]))
+    assert ("WallShelf", 0) not in found(furniture_rules.classify([board]))

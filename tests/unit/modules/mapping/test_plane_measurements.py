@@ -17,6 +17,7 @@ TOLERANCES = {
     "isPerpendicularTo": {"angleTolerance": np.deg2rad(25.0)},
     "isParallelTo": {"angleTolerance": np.deg2rad(10.0)},
     "isAdjacentTo": {"maximumGap": 0.25},
+    "isBackedBy": {"minimumDepth": 0.42, "maximumDepth": 0.75, "minimumOverlap": 0.5},
 }
 MakePlane = Callable[..., PlanarRegion]
 
@@ -105,3 +106,17 @@ def test_measurements_say_value_and_limit(make_plane: MakePlane) -> None:
 def test_without_planes_nothing_is_measured() -> None:
     assert all(values.size == 0 for values in measure_features([]).values())
     assert related("isAdjacentTo") == set()
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "beside_m", "is_backed"),
+    [(0.6, 0.0, True), (0.6, 0.9, True), (0.6, 1.3, False), (0.3, 0.0, False), (1.0, 0.0, False)],
+)
+def test_a_front_is_backed_by_a_wall_as_far_behind_as_a_worktop_is_deep(
+    make_plane: MakePlane, depth_m: float, beside_m: float, is_backed: bool
+) -> None:
+    front = make_plane((0.0, 0.0, 0.45), (0.0, -1.0, 0.0), (2.0, 0.8))
+    wall = make_plane((beside_m, depth_m, 1.3), (0.0, -1.0, 0.0), (2.0, 0.8))
+
+    assert ((0, 1) in related("isBackedBy", front, wall)) == is_backed
+    assert (1, 0) not in related("isBackedBy", front, wall)
