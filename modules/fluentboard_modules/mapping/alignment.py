@@ -16,7 +16,7 @@ from fluentboard.model.geometry import FloatArray, Pose, Transform
 from fluentboard_modules.mapping.alignment_kernels import icp_steps
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import AlignmentConfig
-from fluentboard_modules.mapping.nearest_samples import VOXEL_M
+from fluentboard_modules.mapping.nearest_samples import CELL_M, REACH_M, VOXEL_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,7 @@ class Standing:
     @property
     def transform(self) -> Transform:
         """Takes points of the model's frame to the map."""
-        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Transform.from_parts(rotation, np.array([self.x, self.y, self.z]))
+        return Transform.upright(self.x, self.y, self.z, self.yaw_rad)
 
     @property
     def pose(self) -> Pose:
@@ -67,22 +65,22 @@ def align(
         config.scale_first_m, config.scale_last_m, config.point_steps + config.plane_steps
     )
     place = np.array([start.x, start.y, start.yaw_rad, start.z])
-    step = 0
-    while step < len(scales):
-        step, missing = icp_steps(
-            points_map,
-            place,
-            nearest.low,
-            VOXEL_M,
-            nearest.field,
-            surface.points,
-            surface.normals,
-            scales,
-            step,
-            config.point_steps,
-            config.points_least,
-            config.damping,
-        )
-        nearest.find(missing)
+    icp_steps(
+        points_map,
+        place,
+        nearest.low,
+        VOXEL_M,
+        nearest.field,
+        nearest.members,
+        nearest.firsts,
+        CELL_M,
+        REACH_M,
+        surface.points,
+        surface.normals,
+        scales,
+        config.point_steps,
+        config.points_least,
+        config.damping,
+    )
     x, y, yaw, _ = place.tolist()
     return Standing(x, y, math.remainder(yaw, 2.0 * math.pi), start.z)

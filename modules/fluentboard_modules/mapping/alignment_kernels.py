@@ -12,50 +12,51 @@ MISSING, OUTSIDE = -2, -1
 """In a field of nearest points: not looked up yet, and beyond its border."""
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def icp_steps(
     points_map: FloatArray,
     place: FloatArray,
     low: FloatArray,
     voxel_m: float,
     field: NDArray[np.int32],
+    members: NDArray[np.int32],
+    firsts: NDArray[np.int32],
+    cell_m: float,
+    reach_m: float,
     samples: FloatArray,
     normals: FloatArray,
     scales_m: FloatArray,
-    first: int,
     point_steps: int,
     points_least: int,
     damping: float,
-) -> tuple[int, NDArray[np.int64]]:
-    """Gauss-Newton steps of a model's place with Tukey weights, as far as the field is known.
+) -> None:
+    """Gauss-Newton steps of a model's place with Tukey weights.
 
     Args:
         points_map: `(n, 3)`; measured points.
         place: `(4,)`; x, y, yaw and z of the model; x, y and yaw are changed.
         low: `(3,)`; lowest corner of the field, model frame.
         voxel_m: edge of its voxels.
-        field: `(i, j, k)`; per voxel the sample nearest to its centre, `MISSING` or `OUTSIDE`.
+        field: `(i, j, k)`; per voxel the sample nearest to its centre, `MISSING` or `OUTSIDE`;
+            filled in.
+        members: `(m,)`; the samples, sorted by cell.
+        firsts: `(a, b, c, 2)`; first and behind the last member of each cell.
+        cell_m: edge of the cells, which begin at `low`.
+        reach_m: samples further from a voxel are not looked for.
         samples: `(m, 3)`; of the model's surface.
         normals: `(m, 3)`; their unit normals.
         scales_m: `(s,)`; in each step, points that are further off do not vote.
-        first: step to begin with.
         point_steps: before this step differences count level in all directions, then along the
             normals.
         points_least: with fewer that vote, the place stays.
         damping: per point that votes.
-
-    Returns:
-        The step reached, and the numbers of the voxels that are missing to take it; none are at
-        the end.
     """
     n = points_map.shape[0]
-    index = np.zeros(n, dtype=np.int32)
+    index = np.full(n, OUTSIDE, dtype=np.int32)
     local = np.zeros((n, 3))
-    missing = np.zeros(n, dtype=np.int64)
     row, step = np.zeros(3), np.zeros(3)
-    for number in range(first, scales_m.size):
+    for number in range(scales_m.size):
         c, s = np.cos(place[2]), np.sin(place[2])
-        n_missing = 0
         for k in range(n):
             x, y = points_map[k, 0] - place[0], points_map[k, 1] - place[1]
             local[k, 0], local[k, 1] = c * x + s * y, c * y - s * x
@@ -63,17 +64,20 @@ def icp_steps(
             i = int(np.floor((local[k, 0] - low[0]) / voxel_m))
             j = int(np.floor((local[k, 1] - low[1]) / voxel_m))
             up = int(np.floor((local[k, 2] - low[2]) / voxel_m))
-            index[k] = OUTSIDE
-            if i < 0 or j < 0 or up < 0:
+            if (
+                min(i, j, up) < 0
+                or i >= field.shape[0]
+                or j >= field.shape[1]
+                or up >= field.shape[2]
+            ):
+                index[k] = OUTSIDE
                 continue
-            if i >= field.shape[0] or j >= field.shape[1] or up >= field.shape[2]:
-                continue
+            if field[i, j, up] == MISSING:
+                field[i, j, up] = nearest_sample(
+                    (i + 0.5) * voxel_m, (j + 0.5) * voxel_m, (up + 0.5) * voxel_m, index[k],
+                    low, samples, members, firsts, cell_m, reach_m,
+                )  # fmt: skip
             index[k] = field[i, j, up]
-            if index[k] == MISSING:
-                missing[n_missing] = (i * field.shape[1] + j) * field.shape[2] + up
-                n_missing += 1
-        if n_missing > 0:
-            return number, missing[:n_missing]
         information, gradient, n_near = _normal_equations(
             local, index, samples, normals, scales_m[number], number >= point_steps, row
         )
@@ -87,10 +91,82 @@ def icp_steps(
         place[0] += c * dx - s * dy
         place[1] += s * dx + c * dy
         place[2] += min(max(step[2], -0.3), 0.3)
-    return scales_m.size, missing[:0]
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
+def nearest_sample(
+    x: float,
+    y: float,
+    z: float,
+    near: int,
+    low: FloatArray,
+    samples: FloatArray,
+    members: NDArray[np.int32],
+    firsts: NDArray[np.int32],
+    cell_m: float,
+    reach_m: float,
+) -> int:
+    """The sample nearest to a point given from the field's lowest corner, or `OUTSIDE`.
+
+    Cells are searched in shells around the point's own, until no further one can hold a nearer
+    sample.
+
+    Args:
+        x: metres from the lowest corner of the field, as are the next two.
+        y: see there.
+        z: see there.
+        near: a sample that is not far, `OUTSIDE` if none is known.
+        low: `(3,)`; that corner.
+        samples: `(m, 3)`; of the model's surface.
+        members: as for `icp_steps`.
+        firsts: see there.
+        cell_m: see there.
+        reach_m: see there.
+    """
+    a, b, c = int(x / cell_m), int(y / cell_m), int(z / cell_m)
+    # How far the point is inside its cell: shell s begins s cells less this from it.
+    inside = min(
+        min(x - a * cell_m, (a + 1) * cell_m - x),
+        min(y - b * cell_m, (b + 1) * cell_m - y),
+        min(z - c * cell_m, (c + 1) * cell_m - z),
+    )
+    best, least = OUTSIDE, reach_m * reach_m
+    if near >= 0:
+        dx, dy = samples[near, 0] - low[0] - x, samples[near, 1] - low[1] - y
+        dz = samples[near, 2] - low[2] - z
+        if dx * dx + dy * dy + dz * dz < least:
+            best, least = near, dx * dx + dy * dy + dz * dz
+    shell = 0
+    while True:
+        begins = max((shell - 1) * cell_m + inside, 0.0)
+        if begins * begins > least:
+            return best
+        for i in range(max(a - shell, 0), min(a + shell + 1, firsts.shape[0])):
+            off_x = max(i * cell_m - x, x - (i + 1) * cell_m, 0.0)
+            for j in range(max(b - shell, 0), min(b + shell + 1, firsts.shape[1])):
+                off_y = max(j * cell_m - y, y - (j + 1) * cell_m, 0.0)
+                if off_x * off_x + off_y * off_y > least:
+                    continue
+                is_rim = abs(i - a) == shell or abs(j - b) == shell
+                stride = 1 if is_rim or shell == 0 else 2 * shell
+                for k in range(c - shell, c + shell + 1, stride):
+                    if k < 0 or k >= firsts.shape[2]:
+                        continue
+                    off_z = max(k * cell_m - z, z - (k + 1) * cell_m, 0.0)
+                    if off_x * off_x + off_y * off_y + off_z * off_z > least:
+                        continue
+                    for at in range(firsts[i, j, k, 0], firsts[i, j, k, 1]):
+                        m = members[at]
+                        dx = samples[m, 0] - low[0] - x
+                        dy = samples[m, 1] - low[1] - y
+                        dz = samples[m, 2] - low[2] - z
+                        distance = dx * dx + dy * dy + dz * dz
+                        if distance < least:
+                            best, least = m, distance
+        shell += 1
+
+
+@nb.njit(cache=True, nogil=True)
 def _normal_equations(
     points_model: FloatArray,
     index: NDArray[np.int32],

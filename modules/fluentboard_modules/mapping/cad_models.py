@@ -98,7 +98,7 @@ class CadModel:
     @cached_property
     def nearest(self) -> NearestSamples:
         """The points of its surface nearest to others."""
-        return NearestSamples(self.tree)
+        return NearestSamples(self.surface.points)
 
     @cached_property
     def symmetry_order(self) -> int:

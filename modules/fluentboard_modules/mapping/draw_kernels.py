@@ -15,7 +15,7 @@ _NEAREST_M = 0.05  # what is nearer to the sensor than this is behind it
 _IN_FRONT_M = 0.3  # a box that reaches nearer has no bounds in the image
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def image_window(
     box_corners: FloatArray,
     T_sensor_model: FloatArray,
@@ -65,7 +65,7 @@ def image_window(
     return window
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def in_sensor(vertices: FloatArray, triangles: Indices, T_sensor_model: FloatArray) -> FloatArray:
     """`(n, 3, 3)`; the corners of a model's triangles in the sensor's frame, metres.
 
@@ -88,7 +88,7 @@ def in_sensor(vertices: FloatArray, triangles: Indices, T_sensor_model: FloatArr
     return corners
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def draw(
     corners: FloatArray, camera: FloatArray, window: NDArray[np.int64], step: int
 ) -> tuple[Floats, Indices]:
@@ -109,68 +109,77 @@ def draw(
     """
     top, bottom, left, right = window[0], window[1], window[2], window[3]
     h, w = (bottom - top + step - 1) // step, (right - left + step - 1) // step
-    depth = np.full((h, w), np.inf, dtype=np.float32)
+    nearness = np.zeros((h, w))  # 1 / depth, which is linear in the image
     triangle = np.full((h, w), -1, dtype=np.int32)
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    edges = np.zeros((3, 3))
+    per_column, per_row = np.zeros(3), np.zeros(3)
+    at_origin, crossing, tilt = np.zeros(3), np.zeros(3), np.zeros(3)
     for k in range(corners.shape[0]):
-        nearest = min(corners[k, 0, 2], corners[k, 1, 2], corners[k, 2, 2])
-        if max(corners[k, 0, 2], corners[k, 1, 2], corners[k, 2, 2]) <= _NEAREST_M:
+        ax, ay, az = corners[k, 0, 0], corners[k, 0, 1], corners[k, 0, 2]
+        bx, by, bz = corners[k, 1, 0], corners[k, 1, 1], corners[k, 1, 2]
+        ox, oy, oz = corners[k, 2, 0], corners[k, 2, 1], corners[k, 2, 2]
+        if max(az, bz, oz) <= _NEAREST_M:
             continue
         first_row, last_row, first_column, last_column = 0, h, 0, w
-        if nearest > _NEAREST_M:
-            u_low = v_low = np.inf
-            u_high = v_high = -np.inf
-            for i in range(3):
-                u = corners[k, i, 0] / corners[k, i, 2] * fx + cx
-                v = corners[k, i, 1] / corners[k, i, 2] * fy + cy
-                u_low, u_high = min(u_low, u), max(u_high, u)
-                v_low, v_high = min(v_low, v), max(v_high, v)
-            if u_high < left or v_high < top or u_low >= right or v_low >= bottom:
-                continue
+        if min(az, bz, oz) > _NEAREST_M:
+            ua, ub, uo = ax / az * fx + cx, bx / bz * fx + cx, ox / oz * fx + cx
+            va, vb, vo = ay / az * fy + cy, by / bz * fy + cy, oy / oz * fy + cy
+            u_low, u_high, v_low, v_high = (
+                min(ua, ub, uo), max(ua, ub, uo), min(va, vb, vo), max(va, vb, vo),
+            )  # fmt: skip
             first_column = max(int(np.ceil((u_low - left) / step - 1e-9)), 0)
             last_column = min(int(np.floor((u_high - left) / step + 1e-9)) + 1, w)
             first_row = max(int(np.ceil((v_low - top) / step - 1e-9)), 0)
             last_row = min(int(np.floor((v_high - top) / step + 1e-9)) + 1, h)
-        for i in range(3):
-            a, b = corners[k, i], corners[k, (i + 1) % 3]
-            edges[i, 0] = a[1] * b[2] - a[2] * b[1]
-            edges[i, 1] = a[2] * b[0] - a[0] * b[2]
-            edges[i, 2] = a[0] * b[1] - a[1] * b[0]
-        c = corners[k, 2]
-        volume = c[0] * edges[0, 0] + c[1] * edges[0, 1] + c[2] * edges[0, 2]
+            if first_row >= last_row or first_column >= last_column:
+                continue
+        per_column[0], per_row[0], at_origin[0] = (
+            ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx,
+        )  # fmt: skip
+        per_column[1], per_row[1], at_origin[1] = (
+            by * oz - bz * oy, bz * ox - bx * oz, bx * oy - by * ox,
+        )  # fmt: skip
+        per_column[2], per_row[2], at_origin[2] = (
+            oy * az - oz * ay, oz * ax - ox * az, ox * ay - oy * ax,
+        )  # fmt: skip
+        volume = ox * per_column[0] + oy * per_row[0] + oz * at_origin[0]
         if volume == 0.0:
             continue
-        sign = 1.0 if volume > 0.0 else -1.0
-        volume = abs(volume)
+        # From rays to the window's columns and rows, and where each edge crosses a row.
+        slope = descent = offset = 0.0
         for i in range(3):
-            for j in range(3):
-                edges[i, j] *= sign
+            per_column[i] *= step / (volume * fx)
+            per_row[i] *= step / (volume * fy)
+            at_origin[i] = (
+                at_origin[i] / volume
+                + per_column[i] * ((left - cx) / step)
+                + per_row[i] * ((top - cy) / step)
+            )
+            slope += per_column[i]
+            descent += per_row[i]
+            offset += at_origin[i]
+            if per_column[i] != 0.0:
+                crossing[i] = -at_origin[i] / per_column[i]
+                tilt[i] = -per_row[i] / per_column[i]
         for row in range(first_row, last_row):
-            y = (top + row * step - cy) / fy
             # Each edge leaves a half line of this row: their common part is the triangle's.
-            begin, end = (left - cx) / fx, (right - cx) / fx
+            begin, end = float(first_column), float(last_column - 1)
             for i in range(3):
-                slope, rest = edges[i, 0], edges[i, 1] * y + edges[i, 2]
-                if slope > 0.0:
-                    begin = max(begin, -rest / slope)
-                elif slope < 0.0:
-                    end = min(end, -rest / slope)
-                elif rest < 0.0:
-                    end = -np.inf
-            if begin > end:
-                continue
-            first = max(int(np.ceil((begin * fx + cx - left) / step - 1e-9)), first_column)
-            last = min(int(np.floor((end * fx + cx - left) / step + 1e-9)) + 1, last_column)
-            total_slope = edges[0, 0] + edges[1, 0] + edges[2, 0]
-            total_rest = (edges[0, 1] + edges[1, 1] + edges[2, 1]) * y
-            total_rest += edges[0, 2] + edges[1, 2] + edges[2, 2]
-            for column in range(first, last):
-                total = total_slope * ((left + column * step - cx) / fx) + total_rest
-                if total <= 0.0:
-                    continue
-                z = volume / total
-                if z > _NEAREST_M and z < depth[row, column]:
-                    depth[row, column] = z
+                if per_column[i] > 0.0:
+                    begin = max(begin, crossing[i] + tilt[i] * row - 1e-9)
+                elif per_column[i] < 0.0:
+                    end = min(end, crossing[i] + tilt[i] * row + 1e-9)
+                elif per_row[i] * row + at_origin[i] < 0.0:
+                    end = -1.0
+            rest = descent * row + offset
+            for column in range(int(np.ceil(begin)), int(np.floor(end)) + 1):
+                near = slope * column + rest
+                if near > nearness[row, column] and near < 1.0 / _NEAREST_M:
+                    nearness[row, column] = near
                     triangle[row, column] = k
+    depth = np.full((h, w), np.inf, dtype=np.float32)
+    for row in range(h):
+        for column in range(w):
+            if triangle[row, column] >= 0:
+                depth[row, column] = 1.0 / nearness[row, column]
     return depth, triangle

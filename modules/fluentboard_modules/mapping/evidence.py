@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from fluentboard_modules.mapping.config import EvidenceConfig
-from fluentboard_modules.mapping.evidence_kernels import outline_lengths
 from fluentboard_modules.mapping.placement import Looker, Trial
-from fluentboard_modules.mapping.visibility import draw_into, front_relief_m
+from fluentboard_modules.mapping.stack_kernels import outline_of_views
+from fluentboard_modules.mapping.visibility import front_relief_m
 
 _OUTLINE_PRIOR_M = 0.1  # of outline seen to end, and as much that goes on, before any was seen
 
@@ -63,28 +63,25 @@ def gather_evidence(
             then, and whether it is a front shows in its relief.
     """
     model, config = looker.model, looker.config
-    ends, goes_on = _OUTLINE_PRIOR_M, _OUTLINE_PRIOR_M
-    T_map_model = trial.standing.transform
-    for view in looker.views:
-        drawing = draw_into(model, T_map_model, view, config.visibility.overrun_reach_m)
-        if drawing is None:
-            continue
-        ends_m, goes_on_m = outline_lengths(
-            drawing.expected,
-            drawing.triangle,
-            drawing.corners,
-            view.depth_m,
-            view.sigma_m,
-            view.intrinsics,
-            drawing.window,
-            view.T_map_sensor.matrix,
-            config.visibility.tolerance_m,
-            config.visibility.tolerance_sigma,
-            config.evidence.outline_m,
-            config.visibility.floor_clear_m,
-        )
-        ends += ends_m
-        goes_on += goes_on_m
+    T_map_model, stack = trial.standing.transform, looker.views
+    ends_m, goes_on_m = outline_of_views(
+        model.mesh.vertices,
+        model.mesh.triangles,
+        model.box_corners,
+        T_map_model.matrix,
+        stack.depth_m,
+        stack.sigma_m,
+        stack.cameras,
+        stack.sizes,
+        stack.T_sensor_map,
+        stack.T_map_sensor,
+        config.visibility.overrun_reach_m,
+        config.visibility.tolerance_m,
+        config.visibility.tolerance_sigma,
+        config.evidence.outline_m,
+        config.visibility.floor_clear_m,
+    )
+    ends, goes_on = _OUTLINE_PRIOR_M + ends_m, _OUTLINE_PRIOR_M + goes_on_m
     relief: float | None = None
     if is_front:
         relief_m = front_relief_m(model, T_map_model, looker.views, config.visibility)

@@ -13,7 +13,7 @@ _STEEP = 0.15  # a surface that a ray meets at less than this sine has no certai
 _GOES_ON_M = 0.1  # of depth from one pixel of the model to the next: more is another part of it
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def outline_lengths(
     expected: Floats,
     triangle: Indices,

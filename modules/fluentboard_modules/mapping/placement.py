@@ -14,6 +14,7 @@ from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.refinement import Heading, Refined, refine
+from fluentboard_modules.mapping.view_stack import ViewStack
 from fluentboard_modules.mapping.visibility import Visibility, compare_with_views, scene_points
 
 _SEARCH_STEPS_M = (0.2, 0.1, 0.05)  # of the search along what ICP cannot see
@@ -68,7 +69,7 @@ class Looker:
         heading: Heading | None = None,
     ) -> None:
         self.model = model
-        self.views = views
+        self.views = ViewStack.of(views)
         self.config = config
         self.heading = heading
         self._glances: dict[Standing, Trial] = {}
@@ -85,8 +86,9 @@ class Looker:
         """With the best views and every other pixel in both directions."""
         known = self._glances.get(standing)
         if known is None:
-            views = self.views[:_GLANCE_VIEWS]
-            visibility = compare_with_views(self.model, standing.transform, views, self._coarse)
+            visibility = compare_with_views(
+                self.model, standing.transform, self.views, self._coarse, _GLANCE_VIEWS
+            )
             known = self._glances[standing] = self._trial(standing, visibility)
         return known
 

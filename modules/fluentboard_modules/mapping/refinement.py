@@ -19,8 +19,8 @@ from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import RefinementConfig, VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
-from fluentboard_modules.mapping.refinement_kernels import pixel_equations
-from fluentboard_modules.mapping.visibility import draw_into
+from fluentboard_modules.mapping.stack_kernels import equations_of_views
+from fluentboard_modules.mapping.view_stack import ViewStack
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,35 +85,24 @@ def refine(
     Returns:
         Its place and how well it is bound; the start itself if hardly any pixel shows it.
     """
-    standing = start
+    standing, mesh, stack = start, model.mesh, ViewStack.of(views)
     information, squares, n_pixels = np.zeros((3, 3)), 0.0, 0
     for scale in np.geomspace(config.scale_first_m, config.scale_last_m, config.steps).tolist():
-        information, gradient = np.zeros((3, 3)), np.zeros(3)
-        weights = squares = 0.0
-        n_pixels = 0
-        T_map_model = standing.transform
-        for view in views:
-            drawing = draw_into(model, T_map_model, view, visibility.overrun_reach_m)
-            if drawing is None:
-                continue
-            of_view = pixel_equations(
-                drawing.expected,
-                drawing.triangle,
-                drawing.corners,
-                view.depth_m,
-                view.sigma_m,
-                view.intrinsics,
-                drawing.window,
-                drawing.T_sensor_model.inverse().matrix,
-                scale,
-                config.bias_m,
-                config.edge_m,
-            )
-            information += of_view[0]
-            gradient += of_view[1]
-            weights += of_view[2]
-            squares += of_view[3]
-            n_pixels += of_view[4]
+        information, gradient, weights, squares, n_pixels = equations_of_views(
+            mesh.vertices,
+            mesh.triangles,
+            model.box_corners,
+            standing.transform.matrix,
+            stack.depth_m,
+            stack.sigma_m,
+            stack.cameras,
+            stack.sizes,
+            stack.T_sensor_map,
+            visibility.overrun_reach_m,
+            scale,
+            config.bias_m,
+            config.edge_m,
+        )
         if n_pixels < config.pixels_least:
             return Refined(start, np.zeros((3, 3)), 1.0, n_pixels)
         if heading is not None:

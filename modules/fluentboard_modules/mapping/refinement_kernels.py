@@ -12,7 +12,7 @@ from fluentboard_modules.mapping.draw_kernels import Floats, Indices
 _STEEP = 0.2  # a surface that a ray meets at less than this sine says little
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def pixel_equations(
     expected: Floats,
     triangle: Indices,

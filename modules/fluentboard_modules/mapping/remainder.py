@@ -18,8 +18,9 @@ from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.view_kernels import explained_pixels
+from fluentboard_modules.mapping.visibility import draw_into
 
-_NEAREST_M = 0.1
 _INSIDE_M = 0.03
 
 
@@ -77,56 +78,22 @@ class Remainder:
     def _explained(
         self, view: DepthView, model: CadModel, standing: Standing, is_filled: bool
     ) -> _Explained | None:
-        window = _window(view, model, standing)
-        if window is None:
+        drawing = draw_into(model, standing.transform, view, _INSIDE_M)
+        if drawing is None:
             return None
-        rays, depth = view.rays[window], view.depth_m[window]
-        T_model_sensor = standing.transform.inverse() @ view.T_map_sensor
-        origin = T_model_sensor.translation.astype(np.float32)
-        directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
-        hits = model.caster.cast(
-            np.concatenate([np.broadcast_to(origin, rays.shape), directions], -1)
+        low, high = model.mesh.bounds
+        mask = explained_pixels(
+            drawing.expected,
+            view.depth_m,
+            view.sigma_m,
+            view.intrinsics,
+            drawing.window,
+            drawing.T_sensor_model.inverse().matrix,
+            np.array([low - _INSIDE_M, high + _INSIDE_M]),
+            is_filled,
+            self._config.tolerance_m,
+            self._config.tolerance_sigma,
         )
-        tolerance = np.maximum(
-            np.float32(self._config.tolerance_m),
-            np.float32(self._config.tolerance_sigma) * view.sigma_m[window],
-        )
-        mask = _near(depth, hits.distance, tolerance)
-        if is_filled:
-            low, high = model.mesh.bounds
-            points = origin + depth[..., None] * directions
-            in_box = (points >= low - _INSIDE_M) & (points <= high + _INSIDE_M)
-            mask |= in_box.all(axis=-1) & (depth > 0.0)
+        top, bottom, left, right = drawing.window.tolist()
+        window = slice(top, bottom), slice(left, right)
         return _Explained(window, mask) if mask.any() else None
-
-
-def _near(
-    depth: NDArray[np.float32], expected: NDArray[np.float32], tolerance: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """Which measurements are as deep as the model is at their pixel or at one beside it."""
-    h, w = depth.shape
-    padded = np.pad(expected, 1, constant_values=np.inf)
-    near = np.zeros(depth.shape, dtype=np.bool_)
-    for dy, dx in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2)):
-        near |= np.abs(depth - padded[dy : dy + h, dx : dx + w]) <= tolerance
-    return near & (depth > 0.0)
-
-
-def _window(view: DepthView, model: CadModel, standing: Standing) -> tuple[slice, slice] | None:
-    """Rows and columns that may show the model; None if none do."""
-    low, high = model.mesh.bounds
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    points = view.T_sensor_map.apply(standing.transform.apply(low + corners * (high - low)))
-    camera = view.camera
-    if float(points[:, 2].max()) < _NEAREST_M:
-        return None
-    if float(points[:, 2].min()) < _NEAREST_M:
-        return slice(0, camera.height), slice(0, camera.width)
-    pixels = camera.project(points)
-    left, top = np.floor(pixels.min(axis=0) - 2.0).astype(int).tolist()
-    right, bottom = np.ceil(pixels.max(axis=0) + 3.0).astype(int).tolist()
-    left, right = max(left, 0), min(right, camera.width)
-    top, bottom = max(top, 0), min(bottom, camera.height)
-    if right <= left or bottom <= top:
-        return None
-    return slice(top, bottom), slice(left, right)

@@ -16,6 +16,7 @@ from shapely.geometry import LineString, Polygon
 from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.planar_region import PlanarRegion
+from fluentboard_modules.mapping.wall_kernels import add_points_behind
 
 _UPRIGHT = 0.15
 _LEAST_M2 = 0.2
@@ -44,17 +45,17 @@ def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> l
     ]
     chosen = views[:: max(1, -(-len(views) // _VIEWS_MAX))]
     total = sum(len(view.points_map) for view in chosen)
-    walls: list[PlanarRegion] = []
-    for region in upright:
-        plane = np.append(region.normal, float(region.normal @ region.centroid))
-        behind = 0
-        for view in chosen:
-            sigma = view.sigma_m[view.depth_m > 0.0]
-            limit = np.maximum(_BEHIND_M, _BEHIND_SIGMAS * sigma)
-            behind += int(np.count_nonzero(view.points_map @ plane[:3] - plane[3] < -limit))
-        if behind < _BEHIND_SHARE * total:
-            walls.append(region)
-    return walls
+    planes = np.array([[*one.normal, one.normal @ one.centroid] for one in upright])
+    behind = np.zeros(len(upright), dtype=np.int64)
+    for view in chosen if upright else ():
+        sigma = view.sigma_m[view.depth_m > 0.0]
+        limits = np.maximum(_BEHIND_M, _BEHIND_SIGMAS * sigma)
+        add_points_behind(view.points_map, limits, planes, behind, _BEHIND_SHARE * total)
+    return [
+        region
+        for region, count in zip(upright, behind.tolist(), strict=True)
+        if count < _BEHIND_SHARE * total
+    ]
 
 
 def is_in_wall(

@@ -14,6 +14,7 @@ from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
+from fluentboard_modules.mapping.view_stack import ViewStack
 from fluentboard_modules.mapping.visibility import Visibility, compare_with_views
 
 _SHIFTS = np.linspace(-0.45, 0.45, 13)  # of the seam from the middle of the single piece
@@ -41,6 +42,7 @@ def best_pair(
         None if one is as good.
     """
     coarse = config.model_copy(update={"pixel_step": 2})
+    views = ViewStack.of(views)
 
     def seen(standings: Sequence[Standing]) -> Visibility:
         looks = (compare_with_views(model, s.transform, views, coarse) for s in standings)

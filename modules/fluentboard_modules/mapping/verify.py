@@ -25,10 +25,8 @@ from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_pl
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.pose_covariance import UNKNOWN_POSE, pose_covariance
 from fluentboard_modules.mapping.starts import heading_of, possible_rows, possible_starts
-from fluentboard_modules.mapping.visibility import (
-    Visibility,
-    compare_with_views,
-)
+from fluentboard_modules.mapping.view_stack import ViewStack
+from fluentboard_modules.mapping.visibility import Visibility, compare_with_views
 
 # Metres along either axis, radians: the backs of four chairs of the 7-Scenes red kitchen were off
 # by 1.3 cm and 1.1 degrees (root mean square); twice that, since four are few.
@@ -99,7 +97,7 @@ def verify(
     """
     centre = np.array([geometry.box.pose.x, geometry.box.pose.y, geometry.box.pose.z])
     radius = 0.5 * float(np.linalg.norm(geometry.box.sizes[:2])) + 0.1
-    chosen = best_views(views, centre, radius, config.views_max)
+    chosen = ViewStack(best_views(views, centre, radius, config.views_max))
     if not chosen:
         return ()
     models = library.of_class(class_name)
@@ -140,7 +138,7 @@ def verify_at(
     low, high = model.mesh.bounds
     centre = standing.transform.apply(0.5 * (low + high))
     radius = 0.5 * float(np.linalg.norm((high - low)[:2])) + 0.1
-    chosen = best_views(views, centre, radius, config.views_max)
+    chosen = ViewStack(best_views(views, centre, radius, config.views_max))
     if not chosen:
         return None
     looker = Looker(model, chosen, config)

@@ -14,7 +14,7 @@ EXPLAINED, OCCLUDED, VIOLATED, UNKNOWN, OVERRUN, FILLED, EMPTY, CLOSE = range(8)
 """Places of the areas in what `compare` returns."""
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def compare(
     expected: Floats,
     triangle: Indices,
@@ -59,13 +59,17 @@ def compare(
     fx, fy = camera[0], camera[1]
     areas = np.zeros(8)
     agrees = np.zeros((h, w), dtype=np.bool_)
-    any_agrees = False
+    # Of the agreeing pixels: first and last row and column; least and greatest depth. And of all
+    # pixels, the least.
+    around = np.array([h, -1, w, -1])
+    depths = np.array([np.inf, 0.0, np.inf])
     for row in range(h):
         v = top + row * step
         for column in range(w):
             z = expected[row, column]
             if not np.isfinite(z):
                 continue
+            depths[2] = min(depths[2], z)
             u = left + column * step
             depth = measured[v, u]
             tolerance = max(tolerance_m, tolerance_sigma * sigma[v, u])
@@ -82,7 +86,9 @@ def compare(
             area = z * z
             if misfit <= tolerance:
                 agrees[row, column] = True
-                any_agrees = True
+                around[0], around[1] = min(around[0], row), max(around[1], row)
+                around[2], around[3] = min(around[2], column), max(around[3], column)
+                depths[0], depths[1] = min(depths[0], z), max(depths[1], z)
                 areas[EXPLAINED] += area
                 areas[CLOSE] += area * (1.0 - (misfit / tolerance) ** 2)
             elif depth <= 0.0:
@@ -91,17 +97,17 @@ def compare(
                 areas[OCCLUDED] += area
             else:
                 areas[VIOLATED] += area
-    if any_agrees:
+    if around[1] >= 0:
         areas[OVERRUN] = _overrun(
-            expected, triangle, corners, measured, sigma, agrees, camera, window, step,
-            T_model_sensor, tolerance_m, tolerance_sigma, reach_m, floor_clear_m,
+            expected, triangle, corners, measured, sigma, agrees, around, depths, camera, window,
+            step, T_model_sensor, tolerance_m, tolerance_sigma, reach_m, floor_clear_m,
         )  # fmt: skip
     for k in range(voids.shape[0]):
         _add_void(areas, voids[k], measured, camera, window, step, h, w, T_model_sensor)
     return areas * (step * step / (fx * fy))
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _nearest_rows(expected: Floats) -> Indices:
     """`(h, w)`; per pixel the row of the model's nearest pixel in its column, -1 without any."""
     h, w = expected.shape
@@ -123,7 +129,7 @@ def _nearest_rows(expected: Floats) -> Indices:
     return nearest
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _overrun(
     expected: Floats,
     triangle: Indices,
@@ -131,6 +137,8 @@ def _overrun(
     measured: Floats,
     sigma: Floats,
     agrees: NDArray[np.bool_],
+    around: NDArray[np.int64],
+    depths: FloatArray,
     camera: FloatArray,
     window: NDArray[np.int64],
     step: int,
@@ -144,20 +152,19 @@ def _overrun(
     h, w = expected.shape
     top, left = window[0], window[2]
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    closest = np.inf
-    for row in range(h):
-        for column in range(w):
-            closest = min(closest, expected[row, column])
-    reach = int(np.ceil(reach_m * max(fx, fy) / (max(closest, 0.1) * step))) + 1
+    reach = int(np.ceil(reach_m * max(fx, fy) / (max(depths[2], 0.1) * step))) + 1
     nearest_rows = _nearest_rows(expected)
     total = 0.0
-    for row in range(h):
+    # Only what is so near to an agreeing pixel can go on from there.
+    for row in range(max(around[0] - reach, 0), min(around[1] + reach + 1, h)):
         v = top + row * step
         y = (v - cy) / fy
-        for column in range(w):
+        for column in range(max(around[2] - reach, 0), min(around[3] + reach + 1, w)):
+            if expected[row, column] < np.inf:
+                continue
             u = left + column * step
             depth = measured[v, u]
-            if depth <= 0.0 or expected[row, column] < np.inf:
+            if depth <= 0.0 or depth < depths[0] - reach_m or depth > depths[1] + reach_m:
                 continue
             x = (u - cx) / fx
             height = T_model_sensor[2, 3] + depth * (
@@ -201,7 +208,7 @@ def _overrun(
     return total
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _add_void(
     areas: FloatArray,
     void: FloatArray,
@@ -215,10 +222,11 @@ def _add_void(
 ) -> None:
     """Adds where a space that must be empty is filled, and where it was seen through."""
     fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
-    for row in range(h):
+    top, bottom, left, right = _void_window(void, camera, window, step, h, w, T_model_sensor)
+    for row in range(top, bottom):
         v = window[0] + row * step
         y = (v - cy) / fy
-        for column in range(w):
+        for column in range(left, right):
             u = window[2] + column * step
             depth = measured[v, u]
             if depth <= 0.0:
@@ -242,3 +250,90 @@ def _add_void(
                 areas[EMPTY] += leave * leave
             elif depth > enter:
                 areas[FILLED] += depth * depth
+
+
+@nb.njit(cache=True, nogil=True)
+def _void_window(
+    void: FloatArray,
+    camera: FloatArray,
+    window: NDArray[np.int64],
+    step: int,
+    h: int,
+    w: int,
+    T_model_sensor: FloatArray,
+) -> tuple[int, int, int, int]:
+    """First row, row behind the last, first column, column behind the last that may show a box."""
+    T = T_model_sensor
+    u_low = v_low = np.inf
+    u_high = v_high = -np.inf
+    for k in range(8):
+        x = void[k & 1, 0] - T[0, 3]
+        y = void[(k >> 1) & 1, 1] - T[1, 3]
+        z = void[k >> 2, 2] - T[2, 3]
+        depth = T[0, 2] * x + T[1, 2] * y + T[2, 2] * z
+        if depth < 0.01:  # it reaches behind the sensor and has no bounds
+            return 0, h, 0, w
+        u = (T[0, 0] * x + T[1, 0] * y + T[2, 0] * z) / depth * camera[0] + camera[2]
+        v = (T[0, 1] * x + T[1, 1] * y + T[2, 1] * z) / depth * camera[1] + camera[3]
+        u_low, u_high = min(u_low, u), max(u_high, u)
+        v_low, v_high = min(v_low, v), max(v_high, v)
+    top = max(int(np.floor((v_low - window[0]) / step)), 0)
+    left = max(int(np.floor((u_low - window[2]) / step)), 0)
+    bottom = min(int(np.ceil((v_high - window[0]) / step)) + 1, h)
+    right = min(int(np.ceil((u_high - window[2]) / step)) + 1, w)
+    return top, bottom, left, right
+
+
+@nb.njit(cache=True, nogil=True)
+def explained_pixels(
+    expected: Floats,
+    measured: Floats,
+    sigma: Floats,
+    camera: FloatArray,
+    window: NDArray[np.int64],
+    T_model_sensor: FloatArray,
+    box: FloatArray,
+    is_filled: bool,
+    tolerance_m: float,
+    tolerance_sigma: float,
+) -> NDArray[np.bool_]:
+    """`(h, w)`; which measurements a drawn model accounts for.
+
+    Args:
+        expected: `(h, w)`; depth of the model from `draw` with step 1.
+        measured: the whole depth image, 0 where unknown.
+        sigma: standard deviation of each of its pixels.
+        camera: as for `draw`.
+        window: as for `draw`.
+        T_model_sensor: `(4, 4)`; takes points of the sensor's frame to the model's.
+        box: `(2, 3)`; lowest and highest corner, model frame.
+        is_filled: whether all that is measured in the box is accounted for as well.
+        tolerance_m: as deep as the model, at the pixel or at one beside it, to within this.
+        tolerance_sigma: and so many standard deviations.
+    """
+    h, w = expected.shape
+    fx, fy, cx, cy = camera[0], camera[1], camera[2], camera[3]
+    T = T_model_sensor
+    mask = np.zeros((h, w), dtype=np.bool_)
+    for row in range(h):
+        y = (window[0] + row - cy) / fy
+        for column in range(w):
+            depth = measured[window[0] + row, window[2] + column]
+            if depth <= 0.0:
+                continue
+            tolerance = max(
+                tolerance_m, tolerance_sigma * sigma[window[0] + row, window[2] + column]
+            )
+            is_near = abs(depth - expected[row, column]) <= tolerance
+            is_near |= row > 0 and abs(depth - expected[row - 1, column]) <= tolerance
+            is_near |= row < h - 1 and abs(depth - expected[row + 1, column]) <= tolerance
+            is_near |= column > 0 and abs(depth - expected[row, column - 1]) <= tolerance
+            is_near |= column < w - 1 and abs(depth - expected[row, column + 1]) <= tolerance
+            if is_filled and not is_near:
+                x = (window[2] + column - cx) / fx
+                is_near = True
+                for i in range(3):
+                    at = depth * (T[i, 0] * x + T[i, 1] * y + T[i, 2]) + T[i, 3]
+                    is_near &= box[0, i] <= at and at <= box[1, i]
+            mask[row, column] = is_near
+    return mask

@@ -21,7 +21,8 @@ from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.draw_kernels import draw, image_window, in_sensor
-from fluentboard_modules.mapping.view_kernels import compare
+from fluentboard_modules.mapping.stack_kernels import areas_of_views, first_in_box
+from fluentboard_modules.mapping.view_stack import ViewStack
 
 _BESIDE_M = 0.01
 _RELIEF_REACH_M = 0.1
@@ -95,35 +96,33 @@ class Visibility:
 def compare_with_views(
     model: CadModel,
     T_map_model: Transform,
-    views: Iterable[DepthView],
+    views: Sequence[DepthView],
     config: VisibilityConfig,
+    n_views: int | None = None,
 ) -> Visibility:
-    """Looks at a placed model from all views."""
-    total = Visibility()
-    for view in views:
-        total = total + compare_with_view(model, T_map_model, view, config)
-    return total
+    """Looks at a placed model from several views.
 
-
-def compare_with_view(
-    model: CadModel, T_map_model: Transform, view: DepthView, config: VisibilityConfig
-) -> Visibility:
-    """Looks at a placed model from one view."""
-    step = config.pixel_step
-    drawing = draw_into(model, T_map_model, view, config.overrun_reach_m, step)
-    if drawing is None:
-        return Visibility()
-    areas = compare(
-        drawing.expected,
-        drawing.triangle,
-        drawing.corners,
-        view.depth_m,
-        view.sigma_m,
-        view.intrinsics,
-        drawing.window,
-        step,
-        drawing.T_sensor_model.inverse().matrix,
+    Args:
+        model: what.
+        T_map_model: where it stands.
+        views: depth images; a `ViewStack`, if they are looked at more than once.
+        config: of the comparison.
+        n_views: so many of them, from the first on; by default all.
+    """
+    stack = ViewStack.of(views)
+    areas = areas_of_views(
+        model.mesh.vertices,
+        model.mesh.triangles,
+        model.box_corners,
         model.void_corners,
+        T_map_model.matrix,
+        stack.depth_m,
+        stack.sigma_m,
+        stack.cameras,
+        stack.sizes,
+        stack.T_sensor_map,
+        len(stack) if n_views is None else min(n_views, len(stack)),
+        config.pixel_step,
         config.tolerance_m,
         config.tolerance_sigma,
         _BESIDE_M,
@@ -235,17 +234,6 @@ def scene_points(
     views: Sequence[DepthView], T_map_box: Transform, half_size: FloatArray, spacing_m: float
 ) -> FloatArray:
     """`(n, 3)`; measured points of all views in an oriented box, one per cube of the spacing."""
-    T_box_map = T_map_box.inverse()
-    parts: list[FloatArray] = []
-    cubes: list[NDArray[np.int64]] = []
-    for view in views:
-        points, cube = view.thinned(spacing_m)
-        inside = (np.abs(T_box_map.apply(points)) <= half_size).all(axis=1)
-        parts.append(points[inside])
-        cubes.append(cube[inside])
-    if len(parts) == 1:
-        return parts[0]
-    if not parts:
-        return np.zeros((0, 3))
-    _, first = np.unique(np.concatenate(cubes), return_index=True)
-    return np.concatenate(parts)[first]
+    points, cubes = ViewStack.of(views).thinned(spacing_m)
+    chosen = first_in_box(points, cubes, T_map_box.inverse().matrix, half_size)
+    return points[chosen]

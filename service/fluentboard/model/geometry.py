@@ -99,6 +99,14 @@ class Transform:
         matrix[:3, 3] = translation
         return cls(matrix)
 
+    @classmethod
+    def upright(cls, x: float, y: float, z: float, yaw_rad: float) -> Transform:
+        """The motion of what stands: a turn about the vertical, then a shift in metres."""
+        _finite("transform", (x, y, z, yaw_rad))
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        rows = [[c, -s, 0.0, x], [s, c, 0.0, y], [0.0, 0.0, 1.0, z], _LAST_ROW]
+        return cls._known_rigid(np.array(rows))
+
     @property
     def rotation(self) -> FloatArray:
         """`(3, 3)`; the rotation."""

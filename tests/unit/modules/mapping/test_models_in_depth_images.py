@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, replace
+
 import numpy as np
 import pytest
 
 from fluentboard.model.geometry import Pose, Transform
 from fluentboard_modules.mapping.alignment import Standing
-from fluentboard_modules.mapping.alignment_kernels import OUTSIDE
+from fluentboard_modules.mapping.alignment_kernels import OUTSIDE, nearest_sample
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import (
     DepthNoiseConfig,
@@ -19,10 +21,11 @@ from fluentboard_modules.mapping.config import (
 from fluentboard_modules.mapping.depth_views import DepthView, thin_view
 from fluentboard_modules.mapping.draw_kernels import draw
 from fluentboard_modules.mapping.evidence import Evidence, gather_evidence
-from fluentboard_modules.mapping.nearest_samples import VOXEL_M
+from fluentboard_modules.mapping.nearest_samples import CELL_M, REACH_M, VOXEL_M
 from fluentboard_modules.mapping.placement import Looker
 from fluentboard_modules.mapping.refinement import Heading, refine
-from fluentboard_modules.mapping.visibility import scene_points
+from fluentboard_modules.mapping.view_stack import ViewStack
+from fluentboard_modules.mapping.visibility import compare_with_views, scene_points
 from fluentboard_modules.simulation import furniture
 from fluentboard_modules.simulation.mesh import Mesh
 from fluentboard_modules.simulation.noise import NoiseConfig
@@ -124,18 +127,35 @@ def test_a_heading_that_is_known_exactly_is_kept() -> None:
     assert abs(found.standing.yaw_rad) < 1e-4
 
 
-def test_nearest_samples_are_those_of_a_search() -> None:
-    samples = CHAIR_CAD.surface.points
-    nearest = CHAIR_CAD.nearest
-    number = int(np.ravel_multi_index((14, 15, 16), nearest.field.shape))
+@pytest.mark.parametrize("hint", [OUTSIDE, 0])
+def test_nearest_samples_are_those_of_a_search(hint: int) -> None:
+    samples, nearest = CHAIR_CAD.surface.points, CHAIR_CAD.nearest
+    extent = np.array(nearest.field.shape) * VOXEL_M
+    places = np.random.default_rng(0).random((300, 3)) * extent
+    distances = np.linalg.norm(samples - (nearest.low + places)[:, None], axis=2)
+    expected = np.where(distances.min(axis=1) < REACH_M, distances.argmin(axis=1), OUTSIDE)
 
-    nearest.find(np.array([number, number]))
+    table = nearest.members, nearest.firsts, CELL_M, REACH_M
+    found: list[int] = [
+        nearest_sample(x, y, z, hint, nearest.low, samples, *table) for x, y, z in places.tolist()
+    ]
 
-    centre = nearest.low + (np.array([14, 15, 16]) + 0.5) * VOXEL_M
-    expected = int(np.argmin(np.linalg.norm(samples - centre, axis=1)))
-    assert nearest.field[14, 15, 16] == expected
-    nearest.find(np.array([0]))
-    assert nearest.field[0, 0, 0] == OUTSIDE
+    assert found == expected.tolist()
+    assert OUTSIDE in found
+
+
+def test_views_of_different_sizes_are_looked_at_together() -> None:
+    near, far = look((1.6, 0.9, 1.4)), look((-1.4, 1.9, 1.2), seed=1)
+    small = replace(far, depth_m=far.depth_m[:100, :120].copy())
+    at, config = Standing(0.01, 0.0, 0.02).transform, VisibilityConfig()
+
+    both = compare_with_views(CHAIR_CAD, at, [near, small], config)
+
+    each = [compare_with_views(CHAIR_CAD, at, [view], config) for view in (near, small)]
+    assert astuple(both) == pytest.approx(astuple(each[0] + each[1]))
+    assert each[1].explained > 0.0
+    first = compare_with_views(CHAIR_CAD, at, ViewStack([near, small]), config, n_views=1)
+    assert first == each[0]
 
 
 def test_points_of_two_views_of_one_place_are_kept_once() -> None:

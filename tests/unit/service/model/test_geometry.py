@@ -38,6 +38,14 @@ def test_in_a_product_the_right_transform_applies_first():
     np.testing.assert_allclose(point, [1.0, 3.0, 3.0], atol=1e-12)
 
 
+def test_what_stands_upright_is_turned_and_shifted():
+    upright = Transform.upright(1.0, 2.0, 3.0, math.pi / 2)
+
+    assert upright.matrix == pytest.approx(QUARTER_TURN.to_transform().matrix)
+    with pytest.raises(InvalidGeometry, match="nan"):
+        Transform.upright(0.0, math.nan, 0.0, 0.0)
+
+
 def test_equal_transforms_are_equal_and_hash_alike():
     assert Transform.identity() == Transform(np.eye(4))
     assert hash(Transform.identity()) == hash(Transform(np.eye(4)))
