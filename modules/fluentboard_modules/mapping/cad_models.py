@@ -16,6 +16,7 @@ from fluentboard_modules.simulation.raycasting import MeshCaster
 _SPACING_M = 0.02
 _SAMPLES_MAX = 12_000
 _ALIKE_M = 0.02
+_FULL = 0.9  # of its bounding rectangle: what fills it can stand side by side, an L cannot
 _BOARD_SHARE = 0.5  # of the footprint that a board covers
 _BOARDS_LEAST = 3
 _ORDERS = (8, 6, 4, 3, 2)  # of rotational symmetry about the vertical that are looked for
@@ -115,6 +116,11 @@ class CadModel:
         is_top = (normals[:, 2] > 0.0) & (corners[:, :, 2] > top - _ALIKE_M).all(axis=1)
         size = (mesh.bounds[1] - mesh.bounds[0])[:2]
         return float(0.5 * normals[is_top, 2].sum() / max(float(size.prod()), 1e-9))
+
+    @property
+    def fills_its_footprint(self) -> bool:
+        """Whether its top is a rectangle, so that several can stand side by side without a gap."""
+        return self.top_share >= _FULL
 
     @cached_property
     def holds_things(self) -> bool:

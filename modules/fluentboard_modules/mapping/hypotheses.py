@@ -24,6 +24,10 @@ from fluentboard_modules.mapping.rules import FurnitureHypothesis
 # Edges within this angle have a direction in common, if they make up this share of the outline.
 _COMMON_RAD, _COMMON_SHARE = 0.09, 0.5
 _SAME_WAY = 0.8  # the least cosine
+# Points along an outline; those so near to a side are on it; a side is a line through so many.
+_BORDER_STEP_M, _SIDE_M, _FIT_M = 0.02, 0.02, 0.03
+_SIDE_POINTS, _SIDE_FITS = 5, 2
+_BESIDE_M = 0.1  # so far beside a backrest the middle of the seat may be: of either, half is seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,15 +163,52 @@ def _top_yaw(main: PlanarRegion, config: HypothesisConfig) -> float:
     corners = shapely.get_coordinates(footprint).astype(np.float32)
     if len(corners) < 3:
         return principal_yaw(footprint)
+    yaw = float(np.deg2rad(cv2.minAreaRect(corners)[2]))
     along_edges = _edge_yaw(footprint)
-    if along_edges is None:
-        (_, _), (width, height), angle_deg = cv2.minAreaRect(corners)
-        yaw = np.deg2rad(angle_deg) + (0.0 if width >= height else 0.5 * np.pi)
-    else:
-        c, s = np.cos(along_edges), np.sin(along_edges)
-        width, height = np.ptp(corners @ np.array([[c, -s], [s, c]]), axis=0)
-        yaw = along_edges + (0.0 if width >= height else 0.5 * np.pi)
+    border = _border(footprint)
+    if along_edges is not None:
+        # The smallest rectangle around an L may stand askew; common edges may be those of gaps.
+        yaw = max(yaw, along_edges, key=lambda angle: _on_sides(border, angle))
+    for _ in range(_SIDE_FITS):
+        yaw += _side_slope(border, yaw)
+    width, height = np.ptp(_turned_by(corners, yaw), axis=0)
+    yaw += 0.0 if width >= height else 0.5 * np.pi
     return float((yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+
+
+def _border(footprint: MultiPolygon) -> FloatArray:
+    """`(n, 2)`; points along the outlines of an area, as close as grids are fine."""
+    rings = [shapely.segmentize(part.exterior, _BORDER_STEP_M) for part in footprint.geoms]
+    return np.concatenate([shapely.get_coordinates(ring)[:-1] for ring in rings])
+
+
+def _turned_by(points: FloatArray, yaw_rad: float) -> FloatArray:
+    """`(n, 2)`; the same points along axes with another heading."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return points @ np.array([[c, -s], [s, c]])
+
+
+def _on_sides(border: FloatArray, yaw_rad: float) -> int:
+    """How many points lie on the sides of the box around them that is turned so."""
+    turned = _turned_by(border, yaw_rad)
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    return int(np.count_nonzero(np.minimum(turned - low, high - turned) < _SIDE_M))
+
+
+def _side_slope(border: FloatArray, yaw_rad: float) -> float:
+    """How far the points on the sides of a box are turned against it: least squares, radians."""
+    turned = _turned_by(border, yaw_rad)
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    numerator = denominator = 0.0
+    for axis, sign in ((0, -1.0), (1, 1.0)):
+        for end in (low[axis], high[axis]):
+            side = turned[np.abs(turned[:, axis] - end) < _FIT_M]
+            if len(side) < _SIDE_POINTS:
+                continue
+            along, across = (side - side.mean(axis=0)).T[:: 1 if axis == 1 else -1]
+            numerator += sign * float(along @ across)
+            denominator += float(along @ along)
+    return float(np.arctan2(numerator, denominator)) if denominator > 0.0 else 0.0
 
 
 def _edge_yaw(footprint: MultiPolygon) -> float | None:
@@ -205,6 +246,9 @@ def _best_back(
         offset = main.centroid[:2] - back.centroid[:2]
         distance = max(float(np.linalg.norm(offset)), 1e-6)
         normal = _level(back.normal)
+        beside = abs(float(offset @ (-normal[1], normal[0])))
+        if beside > 0.5 * back.extents_m[0] + _BESIDE_M:
+            continue  # the edge of a backrest faces past the seat
         faces = abs(float(offset @ normal)) / distance
         score = faces * min(back.area_m2, 0.1) / (0.1 + distance)
         if score > best_score:

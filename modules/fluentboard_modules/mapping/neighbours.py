@@ -18,7 +18,6 @@ from fluentboard_modules.mapping.verify import Verdict
 
 _TOUCHING = 0.15  # of the footprint: poses are off by as much
 _SURE = 0.6  # no plane has hinted at it, so the images must say more than for a hypothesis
-_FULL = 0.9  # of its bounding rectangle: what fills it can stand side by side, an L cannot
 _PIECES_MAX = 40  # a row ends somewhere, whatever the images say
 
 Look = Callable[[CadModel, Standing, Candidate], Verdict | None]
@@ -66,7 +65,7 @@ def stands_in_rows(model: CadModel, piece: Candidate) -> bool:
     """Whether pieces of this model come side by side: shelves and rectangular tops, not chairs."""
     if piece.fit is None or piece.furniture.back_planes:
         return False
-    return bool(piece.furniture.front_planes) or model.top_share >= _FULL
+    return bool(piece.furniture.front_planes) or model.fills_its_footprint
 
 
 def places_beside(model: CadModel, piece: Candidate) -> list[Standing]:

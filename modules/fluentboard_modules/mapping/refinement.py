@@ -22,6 +22,8 @@ from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.stack_kernels import equations_of_views
 from fluentboard_modules.mapping.view_stack import ViewStack
 
+_ANOTHER_RAD = 0.35  # a plane that is turned by more against the piece is not its backrest
+
 
 @dataclass(frozen=True, slots=True)
 class Heading:
@@ -105,10 +107,11 @@ def refine(
         )
         if n_pixels < config.pixels_least:
             return Refined(start, np.zeros((3, 3)), 1.0, n_pixels)
-        if heading is not None:
+        difference = 0.0 if heading is None else heading.difference_rad(standing.yaw_rad)
+        if heading is not None and abs(difference) < _ANOTHER_RAD:
             certainty = 1.0 / (config.independent_share * heading.sigma_rad**2)
             information[2, 2] += certainty
-            gradient[2] += certainty * heading.difference_rad(standing.yaw_rad)
+            gradient[2] += certainty * difference
         # What no pixel binds stays where it is; a top alone binds nothing level at all.
         held = config.damping * float(np.trace(information[:2, :2])) + 1.0
         damping = held * np.diag([1.0, 1.0, 0.1])

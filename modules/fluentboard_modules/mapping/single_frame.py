@@ -153,7 +153,8 @@ class _Search:
                 continue
             settled = {one.main_plane for one in held if one.furniture.name == furniture.name}
             found += partial_hypotheses(classification, furniture, planes, models, settled)
-            of_islands = partial_hypotheses(labels, furniture, islands, models)
+            # None of them was part of a definition that was judged: each is tried by itself.
+            of_islands = partial_hypotheses(labels, furniture, islands, models, ())
             found += [_moved_by(len(planes), one) for one in of_islands]
             for region, names in zip(planes, classification.labels, strict=True):
                 side = next((n for n in furniture.side_planes if n in names), None)

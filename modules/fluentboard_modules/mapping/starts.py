@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from shapely.geometry import Polygon
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.mapping.alignment import Standing
@@ -17,6 +18,7 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.refinement import Heading
 
 _HEIGHT_REACH_M = 0.08  # the model's main face is so near the plane's height
+_SQUARE_M = 0.05  # a face whose sides differ by less may as well be turned by a quarter
 _ROW_MAX = 12  # models side by side
 _START_STEP_M = 0.35  # ICP bridges 0.25 m
 _LEVEL = 0.7  # of a normal's z
@@ -44,7 +46,7 @@ def possible_starts(
     others: list[Standing] = []
     for turn in fit.turns:
         sizes = fit.sizes(turn)
-        if (fit.seen > sizes + config.size_slack_m).any():
+        if (fit.seen > fit.largest(turn) + config.size_slack_m).any():
             continue
         slack = np.maximum(sizes - fit.seen, 0.0)
         steps = [_offsets(s) for s in slack.tolist()]
@@ -85,6 +87,34 @@ def heading_of(geometry: FurnitureGeometry, parts: Sequence[PlanarRegion]) -> He
         float(np.hypot(sigma, _LEAST_HEADING_RAD)),
         geometry.may_be_reversed,
     )
+
+
+def covered_share(model: CadModel, place: Standing, plane: PlanarRegion) -> float:
+    """How much of a model's level face near a plane's height the plane covers, in [0, 1]."""
+    face = model.top_faces(plane.height_m, _HEIGHT_REACH_M)
+    if face is None:
+        return 0.0
+    (x_low, y_low), (x_high, y_high) = face.tolist()
+    corners = np.array([[x_low, y_low], [x_high, y_low], [x_high, y_high], [x_low, y_high]])
+    outline = place.transform.apply(np.column_stack([corners, np.zeros(4)]))[:, :2]
+    polygon = Polygon(outline)
+    covered = plane.footprint().buffer(0.0).intersection(polygon)
+    return float(covered.area / max(polygon.area, 1e-9))
+
+
+def quarter_turns(place: Standing, model: CadModel) -> list[Standing]:
+    """A place and, about the middle of the model's footprint, its quarter turns that look unlike.
+
+    The place itself comes first.
+    """
+    middle = model.mesh.bounds[:, :2].mean(axis=0)
+    quarters = {ROUND: 1, 4: 1, 2: 2}.get(model.symmetry_order, 4)
+    places: list[Standing] = []
+    for quarter in range(quarters):
+        turn = 0.5 * np.pi * quarter
+        dx, dy = middle - _turned(middle, turn)
+        places.append(place.moved(float(dx), float(dy), turn))
+    return places
 
 
 def _offsets(slack_m: float) -> list[float]:
@@ -154,6 +184,11 @@ class _Fit:
         """`(2,)`; the face's sides along the axes of the hypothesis, if it is turned so."""
         sides = self.face[1] - self.face[0]
         return sides[::-1] if abs(np.sin(turn)) > 0.5 else sides
+
+    def largest(self, turn: float) -> FloatArray:
+        """`(2,)`; the same, or the longer side twice: a square tells no turn from another."""
+        sizes = self.sizes(turn)
+        return np.full(2, sizes.max()) if np.ptp(sizes) < _SQUARE_M else sizes
 
 
 def _face_and_plane(

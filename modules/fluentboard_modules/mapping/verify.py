@@ -7,6 +7,8 @@ decides whether a pose is better than the one before and whether the piece is th
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +26,13 @@ from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.placement import SETTLED_SCORE, Looker, best_place
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.pose_covariance import UNKNOWN_POSE, pose_covariance
-from fluentboard_modules.mapping.starts import heading_of, possible_rows, possible_starts
+from fluentboard_modules.mapping.starts import (
+    covered_share,
+    heading_of,
+    possible_rows,
+    possible_starts,
+    quarter_turns,
+)
 from fluentboard_modules.mapping.view_stack import ViewStack
 from fluentboard_modules.mapping.visibility import Visibility, compare_with_views
 
@@ -32,7 +40,9 @@ from fluentboard_modules.mapping.visibility import Visibility, compare_with_view
 # by 1.3 cm and 1.1 degrees (root mean square); twice that, since four are few.
 _GENERIC_SIGMA = (0.026, 0.026, 0.04)
 _ROW_STEPS_M = (0.2, 0.1, 0.05, 0.025)  # by which a row is shifted
-_IN_ROW_REACH_M = 0.03  # the others of the row hold each piece in its place
+_IN_ROW_REACH_M = 0.03  # two that touch come no nearer to each other
+_TURNS = 4  # that seats in one plane say nothing about
+_COVERED = 0.2  # of a top in a row, the plane covers as much
 _CLEAR_M2 = 0.02  # seen through, before a space that has to be empty is believed to be
 _BESIDE_REACH_M = 0.15  # a piece beside another stands so near to where it would touch it
 
@@ -107,10 +117,12 @@ def verify(
         generic = generic_model(class_name, geometry, parts)
         return () if generic is None else (_judge_generic(generic, geometry, chosen, config),)
     if prior is not None and prior.model.is_exact and prior.score >= SETTLED_SCORE:
-        again = possible_starts(prior.model, geometry, parts, config)[:1]
+        starts = possible_starts(prior.model, geometry, parts, config)
         looker = Looker(prior.model, chosen, config, heading_of(geometry, parts))
-        verdict = _best_of(looker, [*again, prior.standing], geometry, reach_m=0.3)
-        if verdict.is_accepted and again:
+        before = prior.standing
+        again = [min(starts, key=lambda start: _difference(start, before))] if starts else [before]
+        verdict = _best_of(looker, again, geometry, reach_m=0.3, known=before)
+        if verdict.is_accepted and starts:
             return (verdict,)
     tried = [_try_model(model, geometry, parts, chosen, config) for model in models]
     return max(tried, key=lambda verdicts: _goodness(verdicts, config), default=())
@@ -145,6 +157,11 @@ def verify_at(
     if looker.glance(standing).is_hopeless:
         return None
     return _best_of(looker, [standing], geometry, reach_m=_BESIDE_REACH_M)
+
+
+def _difference(a: Standing, b: Standing) -> float:
+    """How unlike two places of a model are, metres or radians, whichever is more."""
+    return max(_apart_m(a, b), abs(math.remainder(a.yaw_rad - b.yaw_rad, 2.0 * math.pi)))
 
 
 def _goodness(verdicts: tuple[Verdict, ...], config: VerificationConfig) -> tuple[bool, float]:
@@ -222,9 +239,44 @@ def _try_model(
         shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
         shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
         best = max(shifted, key=gain)
-    return tuple(
-        _best_of(looker, [standing], geometry, reach_m=_IN_ROW_REACH_M) for standing in best
-    )
+    if geometry.main_side == "top":
+        best = [one for one in best if covered_share(model, one, parts[0]) >= _COVERED]
+    return _verify_row(looker, best, geometry)
+
+
+def _verify_row(
+    looker: Looker, row: Sequence[Standing], geometry: FurnitureGeometry
+) -> tuple[Verdict, ...]:
+    """Verdicts on models side by side.
+
+    Tables and shelves that touch hold each other in place: where one has slid onto another, both
+    stay near where the row had put them. The seats of chairs are one plane although each stands
+    for itself, and may be turned otherwise.
+    """
+    model = looker.model
+    touching = model.fills_its_footprint or geometry.main_side == "front"
+    if not touching:
+        config = looker.config.model_copy(update={"starts_max": _TURNS})
+        alone = Looker(model, looker.views, config)
+        return tuple(
+            _best_of(alone, quarter_turns(one, model), geometry, reach_m=_BESIDE_REACH_M)
+            for one in row
+        )
+    verdicts = [_best_of(looker, [one], geometry, reach_m=_BESIDE_REACH_M) for one in row]
+    for i, j in itertools.combinations(range(len(row)), 2):
+        if (
+            verdicts[i].is_accepted
+            and verdicts[j].is_accepted
+            and _apart_m(row[i], row[j]) - _apart_m(verdicts[i].standing, verdicts[j].standing)
+            > _IN_ROW_REACH_M
+        ):
+            for k in (i, j):
+                verdicts[k] = _best_of(looker, [row[k]], geometry, reach_m=_IN_ROW_REACH_M)
+    return tuple(verdicts)
+
+
+def _apart_m(a: Standing, b: Standing) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)
 
 
 def _best_of(
@@ -232,10 +284,11 @@ def _best_of(
     starts: Sequence[Standing],
     geometry: FurnitureGeometry,
     reach_m: float = np.inf,
+    known: Standing | None = None,
 ) -> Verdict:
-    """The verdict on the best place that is found from any of the starts."""
+    """The verdict on the best place that is found from any of the starts, or from where it was."""
     model, views, config = looker.model, looker.views, looker.config
-    initial, best = best_place(looker, starts, reach_m)
+    initial, best = best_place(looker, starts, reach_m, known)
     is_front = geometry.main_side == "front"
     score = initial_score = 0.0
     covariance, is_accepted = UNKNOWN_POSE, False
