@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fluentboard.model.geometry import Pose
+from fluentboard.model.geometry import FloatArray, Pose
 from fluentboard_modules.mapping.alignment import Standing
 from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import DepthNoiseConfig, VerificationConfig
@@ -90,7 +89,7 @@ def test_a_turn_that_a_backrest_says_well_is_not_spoilt() -> None:
 
 def mean_errors(
     number: int, *, spread_m: float, spread_rad: float, heading_rad: float | None
-) -> tuple[Sequence[float], Sequence[float]]:
+) -> tuple[FloatArray, FloatArray]:
     """Mean metres and radians of initial and of final poses, of one noisy view each."""
     rng = np.random.default_rng(number)
     before: list[tuple[float, float]] = []
