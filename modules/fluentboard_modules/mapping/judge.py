@@ -17,6 +17,7 @@ from fluentboard_modules.mapping.depth_views import DepthView, ViewMemory
 from fluentboard_modules.mapping.hypotheses import FurnitureGeometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.verify import Verdict, verify
+from fluentboard_modules.mapping.work_ahead import worked_ahead
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +95,10 @@ class FurnitureJudge:
         """
         due = [(urgency, k) for k, case in enumerate(cases) if (urgency := self._urgency(case)) > 0]
         due.sort(key=lambda pair: (-pair[0], pair[1]))
-        for _, k in due if all_of_them else due[: self._config.cases_per_frame]:
-            self._rulings[cases[k].key] = self._rule(cases[k])
+        chosen = due if all_of_them else due[: self._config.cases_per_frame]
+        work = (cases[k] for _, k in chosen)
+        for case, ruling in list(worked_ahead(self._rule, work, self._config.threads)):
+            self._rulings[case.key] = ruling
 
     def verdicts(self, key: Hashable) -> tuple[Verdict, ...] | None:
         """What was decided about a hypothesis; None if it is still pending."""

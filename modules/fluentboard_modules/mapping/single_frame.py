@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +38,7 @@ from fluentboard_modules.mapping.rules import (
 )
 from fluentboard_modules.mapping.side_fronts import fronts_beside
 from fluentboard_modules.mapping.verify import Verdict, verify, verify_at
+from fluentboard_modules.mapping.work_ahead import worked_ahead
 
 _MANY_FRAMES = 1000  # a single look is all there is: belief by support plays no part
 _TOUCHING = 0.15  # of the footprint
@@ -127,10 +128,11 @@ class _Search:
 
     def judge(self, hypotheses: Sequence[FurnitureHypothesis]) -> list[Candidate]:
         """The hypotheses that the images agree with, each by itself."""
+        placed = map(self._placed, hypotheses)
         return [
             found
-            for hypothesis in hypotheses
-            for found in self._verified(self._placed(hypothesis), self._views)
+            for candidate, verdicts in self._verdicts(placed, self._views)
+            for found in self._accepted(candidate, verdicts)
         ]
 
     def parts(
@@ -227,18 +229,21 @@ class _Search:
         """
         rest = self._rest_of(found)
         candidates: list[Candidate] = []
-        for hypothesis in hypotheses:
-            candidate = self._placed(hypothesis)
-            if any(
-                explains(piece, candidate, self._model_of(piece)) for piece in (*found, *candidates)
-            ):
+
+        def is_explained(candidate: Candidate) -> bool:
+            pieces = (*found, *candidates)
+            return any(explains(piece, candidate, self._model_of(piece)) for piece in pieces)
+
+        placed = (one for one in map(self._placed, hypotheses) if not is_explained(one))
+        for candidate, verdicts in self._verdicts(placed, rest.views):
+            if is_explained(candidate):  # by one that was found meanwhile
                 continue
-            furniture = candidate.furniture
-            is_told = hypothesis.main_label in (*furniture.main_planes, *furniture.back_planes)
+            furniture, label = candidate.furniture, candidate.hypothesis.main_label
+            is_told = label in (*furniture.main_planes, *furniture.back_planes)
             needed = least if is_told else max(least, _PART_SURE)
             candidates += [
                 one
-                for one in self._verified(candidate, rest.views)
+                for one in self._accepted(candidate, verdicts)
                 if one.fit is not None and one.fit.score >= needed
             ]
         return candidates
@@ -309,16 +314,25 @@ class _Search:
             self._config.furniture,
         )
 
-    def _verified(self, candidate: Candidate, views: Sequence[DepthView]) -> list[Candidate]:
-        case = case_of(candidate)
-        verdicts = verify(
-            case.class_name,
-            case.geometry,
-            case.parts,
-            views,
-            self._library,
-            self._config.verification,
-        )
+    def _verdicts(
+        self, candidates: Iterable[Candidate], views: Sequence[DepthView]
+    ) -> Iterator[tuple[Candidate, tuple[Verdict, ...]]]:
+        """What the images say about each of them; several are looked at at a time."""
+
+        def verified(candidate: Candidate) -> tuple[Verdict, ...]:
+            case = case_of(candidate)
+            return verify(
+                case.class_name,
+                case.geometry,
+                case.parts,
+                views,
+                self._library,
+                self._config.verification,
+            )
+
+        return worked_ahead(verified, candidates, self._config.verification.threads)
+
+    def _accepted(self, candidate: Candidate, verdicts: tuple[Verdict, ...]) -> list[Candidate]:
         self.judged.extend(Judged(candidate, verdict) for verdict in verdicts)
         return [one for one in with_verdicts(candidate, verdicts) if not self._is_in_wall(one)]
 

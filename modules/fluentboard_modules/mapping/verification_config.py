@@ -150,6 +150,9 @@ class VerificationConfig(Settings):
     covariance: CovarianceConfig = CovarianceConfig()
     evidence: EvidenceConfig = EvidenceConfig()
     visibility: VisibilityConfig = VisibilityConfig()
+    threads: int = Field(
+        default=2, ge=1, description="Hypotheses verified at the same time; the result is the same."
+    )
     views_max: int = Field(default=5, ge=1, description="Views that a placement is judged by.")
     starts_max: int = Field(default=3, ge=1, description="Starts of the ICP, the best first.")
     crop_margin_m: float = Field(
