@@ -14,6 +14,7 @@ from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VerificationConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.refinement import Heading, Refined, refine
+from fluentboard_modules.mapping.starts import quarter_turns
 from fluentboard_modules.mapping.view_stack import ViewStack
 from fluentboard_modules.mapping.visibility import Visibility, compare_with_views, scene_points
 
@@ -22,6 +23,7 @@ _GLANCE_VIEWS = 3
 # Shares of what speaks for the first place that another must gain, if it is so far off.
 _TURNED_RAD, _TURNED_DOUBT = 0.5, 0.05
 _MOVED_M, _MOVED_DOUBT = 0.03, 0.02
+_NEARLY = 0.2  # of what speaks for a place, another turn may have less before it is aligned
 # A pixel or so along its outline, what speaks for a model of n pixels changes by half of
 # _UNNOTICED * n ** -0.75 (standard deviation, as a share; 40 to 5000 pixels): the outline has
 # about n ** 0.5 pixels, of which one or the other is won or lost.
@@ -153,19 +155,44 @@ def best_place(
     else:
         likeliest, tried = starts[0], starts
     initial = best = looker.look(likeliest)
-    merit = _Merit(initial, reach_m)
+    merit = _Merit(initial, starts, reach_m)
     for start in [*tried, *([] if known is None else [known])]:
-        points = _points_around(looker, start)
-        aligned = align(points, looker.model, start, config.alignment)
-        best = max([best, *map(looker.look, (aligned, start))], key=merit)
+        best = max([best, *_aligned(looker, start)], key=merit)
     if best.is_doubtful:
         return initial, best
+    if any(_turn_rad(start, likeliest) > _TURNED_RAD for start in starts):
+        best = max([best, *_turned(looker, best)], key=merit)
     best = _refined(looker, best, merit)
     if best.score < SETTLED_SCORE:
         searched = _searched(looker, best, merit)
         if searched is not best:
             best = _refined(looker, searched, merit)
     return initial, best
+
+
+def _turn_rad(a: Standing, b: Standing) -> float:
+    return abs(math.remainder(a.yaw_rad - b.yaw_rad, 2.0 * math.pi))
+
+
+def _aligned(looker: Looker, start: Standing) -> list[Trial]:
+    """Where ICP ends, and where it began."""
+    points = _points_around(looker, start)
+    aligned = align(points, looker.model, start, looker.config.alignment)
+    return [looker.look(aligned), looker.look(start)]
+
+
+def _turned(looker: Looker, best: Trial) -> list[Trial]:
+    """The likeliest other turn at the best place, if it is nearly as likely.
+
+    Where little is seen of a seat, only the right start of many leads to the right place. From
+    there the right turn is near, whichever start has led to it.
+    """
+    _, *others = (looker.glance(place) for place in quarter_turns(best.standing, looker.model))
+    other = max(others, key=lambda trial: trial.gain, default=None)
+    here = looker.glance(best.standing)
+    if other is None or other.gain < here.gain - _NEARLY * abs(here.visibility.close):
+        return []
+    return _aligned(looker, other.standing)
 
 
 class _Merit:
@@ -176,16 +203,18 @@ class _Merit:
 
     Args:
         initial: the likeliest place before anything was aligned.
+        starts: the turns that planes allow.
         reach_m: what is further off is another piece's place.
     """
 
-    def __init__(self, initial: Trial, reach_m: float) -> None:
+    def __init__(self, initial: Trial, starts: Sequence[Standing], reach_m: float) -> None:
         self._initial = initial
+        self._starts = starts
         self._reach_m = reach_m
 
     def __call__(self, trial: Trial) -> float:
         first, then = self._initial.standing, trial.standing
-        turned = abs(math.remainder(then.yaw_rad - first.yaw_rad, 2.0 * math.pi))
+        turned = min(_turn_rad(then, start) for start in self._starts)
         moved = math.hypot(then.x - first.x, then.y - first.y)
         if moved > self._reach_m:
             return -math.inf
