@@ -9,16 +9,26 @@ import numpy as np
 
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.mapping.cad_models import CadModel
-from fluentboard_modules.mapping.config import ExistenceConfig, FurnitureMapConfig
+from fluentboard_modules.mapping.config import (
+    ExistenceConfig,
+    FurnitureMapConfig,
+    HypothesisConfig,
+)
 from fluentboard_modules.mapping.existence import supported_belief, verified_belief
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
-from fluentboard_modules.mapping.hypotheses import FurnitureGeometry, place_hypothesis
+from fluentboard_modules.mapping.hypotheses import (
+    FurnitureGeometry,
+    place_hypothesis,
+    placing_box,
+    space_above,
+)
 from fluentboard_modules.mapping.judge import Case, verified_geometry
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
 
+_LEVEL = 0.7  # of a normal's z
 _INSIDE_M = 0.05
 _SURFACE_M = 0.02  # between the points that stand for a model's surface
 # A backrest alone or a front alone says less than a seat or a board with what belongs to it.
@@ -134,6 +144,22 @@ def case_of(candidate: Candidate) -> Case:
         tuple(plane.region for plane in own),
         candidate.n_frames,
     )
+
+
+def placing_area(candidate: Candidate, config: HypothesisConfig) -> BoundingBox | None:
+    """Where things are put: of a piece known by its front, on its largest board or on its top.
+
+    None for seats.
+    """
+    if candidate.furniture.back_planes:
+        return None
+    top, geometry = candidate.planes[0].region, candidate.geometry
+    if abs(top.normal[2]) <= _LEVEL:
+        boards = [p.region for p in candidate.planes if abs(p.region.normal[2]) > _LEVEL]
+        if not boards:
+            return space_above(geometry.box, config)
+        top = max(boards, key=lambda board: board.area_m2)
+    return placing_box(top, geometry.pose.yaw_rad, config)
 
 
 def with_verdicts(candidate: Candidate, verdicts: tuple[Verdict, ...] | None) -> list[Candidate]:

@@ -152,6 +152,11 @@ class FurnitureMapConfig(Settings):
     least_frames: int = Field(
         default=2, ge=1, description="Planes seen in fewer frames are not classified."
     )
+    look_frames: int = Field(
+        default=4,
+        ge=0,
+        description="Recordings of so few frames are searched in one look: memory needs more.",
+    )
     floor_reach_m: float = Field(
         default=0.15, ge=0.0, description="The floor is within this of z = 0 everywhere."
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.candidates import (
     Candidate,
@@ -20,13 +19,10 @@ from fluentboard_modules.mapping.candidates import (
     is_inside,
     lies_on,
     place_candidate,
+    placing_area,
     with_verdicts,
 )
-from fluentboard_modules.mapping.config import (
-    DepthNoiseConfig,
-    FurnitureMapConfig,
-    HypothesisConfig,
-)
+from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
 from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_change import differs
 from fluentboard_modules.mapping.furniture_item import (
@@ -35,7 +31,6 @@ from fluentboard_modules.mapping.furniture_item import (
     FurniturePlane,
     box_overlap,
 )
-from fluentboard_modules.mapping.hypotheses import placing_box, space_above
 from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.loose_planes import unexplained
 from fluentboard_modules.mapping.near_misses import NearMiss
@@ -47,8 +42,6 @@ from fluentboard_modules.mapping.rules import (
     FurnitureRules,
     partial_hypotheses,
 )
-
-_LEVEL = 0.7  # of a normal's z
 
 
 @dataclass(slots=True)
@@ -308,16 +301,13 @@ class FurnitureMap:
     def _describe(
         self, candidate: Candidate, candidates: list[Candidate], track: _Track | None
     ) -> FurnitureItem:
-        furniture = candidate.furniture
         seen_now = candidate.main_plane in self._plane_map.planes_seen_last
         return FurnitureItem(
             identifier="" if track is None else track.item.identifier,
             class_name=candidate.hypothesis.class_name,
             pose=candidate.geometry.pose,
             box=candidate.geometry.box,
-            placing_area=(
-                None if furniture.back_planes else _placing_area(candidate, self._config.hypotheses)
-            ),
+            placing_area=placing_area(candidate, self._config.hypotheses),
             score=candidate.score,
             n_frames=candidate.n_frames,
             n_direct=0 if track is None else track.n_direct,
@@ -390,14 +380,3 @@ class FurnitureMap:
         number = self._numbers.get(class_name, 0) + 1
         self._numbers[class_name] = number
         return f"{class_name[0].lower()}{class_name[1:]}{number}"
-
-
-def _placing_area(candidate: Candidate, config: HypothesisConfig) -> BoundingBox:
-    """Where things are put: of a piece known by its front, on its largest board or on its top."""
-    top, geometry = candidate.planes[0].region, candidate.geometry
-    if abs(top.normal[2]) <= _LEVEL:
-        boards = [p.region for p in candidate.planes if abs(p.region.normal[2]) > _LEVEL]
-        if not boards:
-            return space_above(geometry.box, config)
-        top = max(boards, key=lambda board: board.area_m2)
-    return placing_box(top, geometry.pose.yaw_rad, config)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from fluentboard.model.geometry import FloatArray, Pose, Transform
 from fluentboard.model.interval import UNKNOWN
 from fluentboard_modules.frames.gravity import align_with_gravity, place_in_map
 from fluentboard_modules.frames.recordings import Recording
-from fluentboard_modules.frames.sensor_frame import FrameSource
+from fluentboard_modules.frames.sensor_frame import FrameSource, SensorFrame
 from fluentboard_modules.geometry_fluents import pose_fluent, pose_of
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.floor import survey_floor
@@ -24,6 +24,7 @@ from fluentboard_modules.mapping.floor import survey_floor
 logger = logging.getLogger(__name__)
 
 _FLOOR_FRAMES = 20
+_LOW_CAMERA_M = 0.9  # people and robots that see the tops of tables hold cameras higher
 _SAME_TRANSFORM = 1e-4
 
 
@@ -51,7 +52,14 @@ def place(
         return source, Transform.identity()
     gravity = source.gravity_world if gravity_world is None else gravity_world
     upright = source.in_map(align_with_gravity(gravity))
-    floor = survey_floor(upright.every(max(1, len(source) // _FLOOR_FRAMES)), config.surfaces)
+    heights: list[float] = []
+
+    def surveyed() -> Iterator[SensorFrame]:
+        for frame in upright.every(max(1, len(source) // _FLOOR_FRAMES)):
+            heights.append(float(frame.T_map_sensor.translation[2]))
+            yield frame
+
+    floor = survey_floor(surveyed(), config.surfaces)
     if floor is None:
         raise InvalidFrame(
             f"{source.name}: no frame shows a level surface, so nobody knows where the floor is; "
@@ -63,6 +71,15 @@ def place(
         floor.n_frames,
         floor.residual_m,
     )
+    above_m = float(np.median(heights)) - floor.height_m
+    if above_m < _LOW_CAMERA_M:
+        logger.warning(
+            "%s: the lowest level surface in sight is %.2f m below the camera and taken for the "
+            "floor; if it is the top of a table, heights count from there and no furniture is "
+            "recognised: record more of the room",
+            source.name,
+            above_m,
+        )
     T_map_world = place_in_map(gravity, floor.height_m)
     return source.in_map(T_map_world), T_map_world
 

@@ -175,7 +175,7 @@ def _failed_comparison(
             yield NearMiss(
                 furniture.name,
                 plane,
-                f"no {label}: {quantity} {value:.2f} {unit}, {words} {bound:.2f} {unit}",
+                f"no {label}: {quantity} {_apart(value, bound)} {unit}, {words} {bound:.2f} {unit}",
                 shortfall,
             )
 
@@ -210,7 +210,8 @@ def _missing_partner(
         unit = f" {m.unit}" if m.unit else ""
         bound = "at least" if m.at_least else "at most"
         reason = (
-            f"its {label} is off: {m.quantity} {m.value:.2f}{unit}, {bound} {m.limit:.2f}{unit}"
+            f"its {label} is off: {m.quantity} {_apart(m.value, m.limit)}{unit}, "
+            f"{bound} {m.limit:.2f}{unit}"
         )
         yield NearMiss(furniture.name, plane, reason, shortfall)
     else:
@@ -249,3 +250,10 @@ def _describe(rules: RuleSet, expression: Expression) -> str:
         case Some(relation, filler):
             words = rules.labels.get(relation, relation)
             return f"plane that {words} {_describe(rules, filler)}"
+
+
+def _apart(value: float, bound: float) -> str:
+    """A value with two digits, or with more if these would be the digits of the bound."""
+    return next(
+        (text for n in (2, 3) if float(text := f"{value:.{n}f}") != round(bound, n)), f"{value:.4f}"
+    )

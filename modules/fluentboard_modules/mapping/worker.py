@@ -29,7 +29,9 @@ from fluentboard_modules.mapping.map_frame import (
 )
 from fluentboard_modules.mapping.model_map import with_models
 from fluentboard_modules.mapping.near_miss_fluents import near_miss_fluents
+from fluentboard_modules.mapping.near_misses import NearMiss
 from fluentboard_modules.mapping.pellet import PelletReasoner
+from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.recollection import FLOOR_AREAS, recollect
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
 from fluentboard_modules.mapping.rules import FurnitureRules, furniture_ontology, load_rules
@@ -40,6 +42,7 @@ from fluentboard_modules.mapping.scene_mesh import (
     joined,
     write_mesh,
 )
+from fluentboard_modules.mapping.single_look import Look, look_at
 from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.mapping.written_furniture import UpdateConfig
 from fluentboard_modules.progress import FrameProgress
@@ -99,11 +102,15 @@ class MappingModule:
         self._first_s: float | None = None
         self._last_s = 0.0
         self._album = Album()
+        # The frames so far, as long as they are few.
+        self._few: list[tuple[SensorFrame, Sequence[PlanarRegion]]] | None = []
+        self._look: Look | None = None
+        self._nearest: NearMiss | None = None
 
     @property
     def furniture(self) -> list[FurnitureItem]:
         """The furniture believed in at present."""
-        return self._map.furniture()
+        return self._map.furniture() if self._look is None else self._look.furniture
 
     @property
     def span_s(self) -> tuple[float, ...]:
@@ -152,6 +159,9 @@ class MappingModule:
         self._first_s = frame.stamp_s if self._first_s is None else self._first_s
         self._last_s = frame.stamp_s
         self._album.add(frame)
+        if self._few is not None:
+            few = len(self._few) < self._config.furniture.look_frames
+            self._few = [*self._few, (frame, regions)] if few else None
         if self._mesh is not None:
             self._mesh.add(frame)
         return self._written(final=False, gone=gone)
@@ -160,16 +170,24 @@ class MappingModule:
         """The last, best estimates."""
         if not self.span_s:
             return []
-        self._map.settle()
-        misses = near_miss_fluents(self._map.near_misses(), self._near_misses, self._last_s)
+        if self._few:
+            self._look = look_at(self._few, self._rules, self._library, self._config)
+            near = self._look.near_misses
+        else:
+            self._map.settle()
+            near = self._map.near_misses()
+        self._nearest = next((miss for miss, _ in near), None)
+        misses = near_miss_fluents(near, self._near_misses, self._last_s)
         return [*self._written(final=True), *commands_for(misses)]
 
     def status(self) -> str:
         """How many pieces of each class, and what has changed since the board was told of them."""
-        counts = Counter(item.class_name for item in self._map.furniture())
+        counts = Counter(item.class_name for item in self.furniture)
         told = [f"{count} {name}" for name, count in sorted(counts.items())]
         told += [f"{name} was moved" for name in self._fluents.moved]
         told += [f"{name} is gone" for name in self._fluents.gone]
+        if not told and self._nearest is not None:
+            told = [f"nothing found (nearest: {self._nearest.class_name}, {self._nearest.reason})"]
         return ", ".join(told)
 
     def draw(self, directory: Path) -> Sequence[Path]:
@@ -178,7 +196,10 @@ class MappingModule:
         from fluentboard_modules.mapping.picture_plan import draw_plan
         from fluentboard_modules.mapping.picture_style import save_picture
 
-        _, planes, classification = self._map.classified_planes(explain=False)
+        if self._look is not None:
+            planes, classification = self._look.regions, self._look.classification
+        else:
+            _, planes, classification = self._map.classified_planes(explain=False)
         labels, furniture = classification.labels, self.furniture
         plan = draw_plan(planes, labels, furniture, path_map=self._album.path_map)
         save_picture(plan, directory / "map.png")
@@ -196,7 +217,7 @@ class MappingModule:
 
     def _written(self, *, final: bool, gone: Collection[str] = ()) -> list[Command]:
         self._fluents, statements = self._fluents.update(
-            self._map.furniture(),
+            self.furniture,
             self._last_s,
             final=final,
             gone=gone,

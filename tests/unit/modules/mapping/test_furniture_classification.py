@@ -196,3 +196,12 @@ def test_a_board_at_a_wall_is_a_wall_shelf(
 
     assert ("WallShelf", 0) in found(furniture_rules.classify([board, wall]))
     assert ("WallShelf", 0) not in found(furniture_rules.classify([board]))
+
+
+def test_a_near_miss_by_less_than_a_centimetre_shows_that_it_is_one(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    result = furniture_rules.classify([make_plane((0.0, 0.0, 0.8102), size=(1.2, 0.8))])
+
+    (miss,) = (miss for miss in result.near_misses if miss.class_name == "Table")
+    assert "0.8102 m, must be less than 0.81 m" in miss.reason
