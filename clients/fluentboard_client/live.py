@@ -29,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 _LARGEST_MESSAGE_BYTES = 256 * 2**20  # a snapshot is one message, whatever its size
 _CLOSE_TIMEOUT_S = 1.0
+_TOO_MANY = 429  # passes when another client leaves
 
 
 class _Reconnection:
@@ -53,13 +54,15 @@ class _Reconnection:
         """Seconds to wait before the next attempt; raises the error if there is to be none."""
         from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI
 
-        if isinstance(failure, InvalidStatus) and failure.response.status_code < 500:
-            response = failure.response
-            raise refusal(response.status_code, bytes(response.body), self._address)
         if isinstance(failure, InvalidURI):
             raise unreachable(self._address, failure, 1)
         self._failures += 1
-        if not self._was_live and self._failures > self._retries:
+        is_last = not self._was_live and self._failures > self._retries
+        if isinstance(failure, InvalidStatus):
+            status, body = failure.response.status_code, bytes(failure.response.body)
+            if status < 500 and (is_last or status != _TOO_MANY):
+                raise refusal(status, body, self._address)
+        if is_last:
             raise unreachable(self._address, failure, self._failures) from failure
         delay_s = backoff_s(self._failures)
         lost = "lost" if isinstance(failure, ConnectionClosed) else "failed"

@@ -74,6 +74,19 @@ class LiveRoutes:
                 limit=self._settings.streams_max,
             )
 
+    def check_connections(self) -> None:
+        """Refuses one more WebSocket if there are too many.
+
+        Raises:
+            TooManySubscriptions: there are as many as there may be.
+        """
+        if len(self._connections) >= self._settings.connections_max:
+            raise TooManySubscriptions(
+                f"{len(self._connections)} WebSockets are open, as many as may be; subscribe to "
+                "several queries over one, come back later, or raise subscriptions.connections_max",
+                limit=self._settings.connections_max,
+            )
+
     def stream_began(self, stream: EventStream) -> None:
         """Counts an event stream, and has it end when the board stops."""
         self._streams[stream] = None
@@ -88,6 +101,7 @@ class LiveRoutes:
         await receive()
         try:
             call.principal = self._guard.admit(call.headers, "read", changes=True)
+            self.check_connections()
         except FluentboardError as problem:
             await refuse(scope, send, problem_reply(problem))
             return

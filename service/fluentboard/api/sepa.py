@@ -70,6 +70,7 @@ class SepaRoutes:
         await receive()
         is_admitted = True
         try:
+            self._live.check_connections()
             self._guard.admit(call.headers, "read", changes=True)
         except NotAuthenticated:
             # SEPA's clients send their token with every message instead.

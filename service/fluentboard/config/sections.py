@@ -135,6 +135,7 @@ class SubscriptionSettings(StandingQuerySettings):
     retry_s: _Seconds = Field(
         default=1.0, description="How soon a client of a lost event stream should come back."
     )
+    connections_max: _Count = Field(default=1_000, description="Most WebSockets open at once.")
     streams_max: _Count = Field(default=1_000, description="Most event streams open at once.")
     durable_max: _Count = Field(default=1_000, description="Most durable subscriptions.")
     webhook_hosts: tuple[str, ...] = Field(

@@ -33,12 +33,14 @@ TIMEOUT_S = 10.0
 class Socket:
     """A client's end of one WebSocket."""
 
-    def __init__(self, app: BoardApp, headers: dict[str, str]) -> None:
+    def __init__(
+        self, app: BoardApp, headers: dict[str, str], path: str = "/subscriptions"
+    ) -> None:
         self._to_server: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
         self._from_server: asyncio.Queue[Any] = asyncio.Queue()
         scope: dict[str, Any] = {
             "type": "websocket",
-            "path": "/subscriptions",
+            "path": path,
             "query_string": b"",
             "headers": [(k.encode(), v.encode()) for k, v in headers.items()],
             "client": ("test", 1),
@@ -280,6 +282,27 @@ def test_who_may_not_listen_is_told_why_in_the_handshake(
             assert start["type"] == "websocket.http.response.start"
             assert start["status"] == status
             assert orjson.loads(body["body"])["code"] == code
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("path", ["/subscriptions", "/subscribe"])
+def test_one_connection_too_many_is_refused_until_another_is_closed(
+    board: Blackboard, path: str
+) -> None:
+    async def run() -> None:
+        app = create_app(board, load_settings(flags={"subscriptions.connections_max": 1}))
+        async with app.router.lifespan_context(app):
+            first = Socket(app, {"host": "localhost"}, path)
+            assert await first.event() == {"type": "websocket.accept"}
+            refused = Socket(app, {"host": "localhost"}, path)
+            assert (await refused.event())["status"] == 429
+            problem = orjson.loads((await refused.event())["body"])
+            assert (problem["code"], problem["limit"]) == ("too-many-subscriptions", 1)
+            await first.leave()
+            second = Socket(app, {"host": "localhost"}, path)
+            assert await second.event() == {"type": "websocket.accept"}
+            await second.leave()
 
     asyncio.run(run())
 
