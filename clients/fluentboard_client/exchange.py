@@ -10,7 +10,7 @@ from urllib.parse import quote, urlsplit
 
 import httpx
 
-from fluentboard.errors import BoardUnreachable, FluentboardError, InvalidInput
+from fluentboard.errors import BoardUnreachable, FluentboardError, InvalidInput, InvalidName
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
 from fluentboard_client.commands import Command, RefineFluent, statement_json
@@ -96,10 +96,22 @@ def is_loopback(address: str) -> bool:
     return host in ("localhost", "::1") or host.startswith("127.")
 
 
-def headers(author: str, token: str | None) -> dict[str, str]:
-    """What every request carries."""
+def headers(author: str, token: str | None) -> httpx.Headers:
+    """What every request carries, in UTF-8.
+
+    Raises:
+        InvalidInput: the author or the token has control characters.
+    """
     found = {"X-Author": author} if author else {}
-    return found | ({"Authorization": f"Bearer {token}"} if token else {})
+    if token:
+        found["Authorization"] = f"Bearer {token}"
+    for header, value in found.items():
+        if not value.isprintable():
+            raise InvalidInput(
+                f"the header {header} would have control characters; give a name or a token on one "
+                "line, without a line break at its end"
+            )
+    return httpx.Headers(found, encoding="utf-8")
 
 
 def retry_delay_s(failure: httpx.TransportError, attempt: int, retries: int) -> float | None:
@@ -305,8 +317,22 @@ def check(reply: httpx.Response, address: str) -> None:
     raise error_from_problem(problem, reply.status_code, address)
 
 
+def segment(name: str) -> str:
+    """A name as one part of a path.
+
+    Raises:
+        InvalidName: the path would be another one than the name says.
+    """
+    if name in ("", ".", "..") or "/" in name:
+        raise InvalidName(
+            f"nothing on a board is called {name!r}; give the name of a fluent, object or "
+            "subscription as it was made"
+        )
+    return quote(name, safe="")
+
+
 def _fluent_path(name: str) -> str:
-    return "/fluents/" + quote(name, safe="")
+    return "/fluents/" + segment(name)
 
 
 def _key(key: str | None) -> dict[str, str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Self
-from urllib.parse import quote
 
 import httpx
 
@@ -51,7 +50,7 @@ class FrameClient:
     ) -> None:
         self.board = exchange.board_address(board)
         self.sensor = sensor
-        self._path = "/frames/" + quote(sensor, safe="")
+        self._path = "/frames/" + exchange.segment(sensor)
         self._timeout_s = timeout_s
         self._http = httpx.Client(
             base_url=self.board,

@@ -74,7 +74,8 @@ class _Reconnection:
 
 def _connection_options(line: Line) -> Any:
     options: dict[str, Any] = {
-        "additional_headers": dict(line.headers),
+        # Who listens writes nothing, and `websockets` sends no names beyond Latin-1.
+        "additional_headers": {k: v for k, v in line.headers.items() if k.lower() != "x-author"},
         "open_timeout": line.timeout_s,
         "close_timeout": _CLOSE_TIMEOUT_S,
         "max_size": _LARGEST_MESSAGE_BYTES,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, Literal
-from urllib.parse import quote
 
 import httpx
 
 from fluentboard_client import replies
 from fluentboard_client.calls import Ask, Awaiting, Blocking, call
-from fluentboard_client.exchange import Request
+from fluentboard_client.exchange import Request, segment
 
 
 class DurableCalls:
@@ -146,7 +145,7 @@ def _creation(
 def _about(
     name: str, rest: str = "", method: str = "GET", body: Mapping[str, Any] | None = None
 ) -> Request:
-    return Request(method, f"/subscriptions/{quote(name, safe='')}{rest}", json=body)
+    return Request(method, f"/subscriptions/{segment(name)}{rest}", json=body)
 
 
 def _explanation(sparql: str, fluent: str | None, at: str | None, *, certainly: bool) -> Request:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
 import httpx
 
 from fluentboard.model.interval import Certainty, Interval
-from fluentboard_client.exchange import Request, Time
+from fluentboard_client.exchange import Request, Time, segment
 
 if TYPE_CHECKING:
     from fluentboard.model.geometry import Pose
@@ -97,7 +96,7 @@ def trajectory(
         params["during"] = f"{during[0]!r},{during[1]!r}"
     if as_of is not None:
         params["asof"] = str(as_of)
-    path = f"/objects/{quote(name, safe='')}/trajectory"
+    path = f"/objects/{segment(name)}/trajectory"
     return Request("GET", path, params, headers={"Accept": "application/json"})
 
 

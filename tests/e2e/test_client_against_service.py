@@ -47,7 +47,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServiceProcess
 
 @pytest.fixture
 def board(service: ServiceProcess) -> Iterator[Client]:
-    with Client(service.address, author="tests") as client:
+    with Client(service.address, author="Jürgen 机器人") as client:
         yield client
 
 
@@ -74,7 +74,7 @@ def test_written_fluent_is_read_back(board: Client) -> None:
     assert (found.start, found.version, found.author) == (
         Interval(None, 12.5),
         receipt.commit,
-        "tests",
+        "Jürgen 机器人",
     )
 
 

@@ -152,7 +152,7 @@ class Vocabulary:
         if len(aliases) == 1:
             return aliases[0]
         close = difflib.get_close_matches(_local_name(name), self._classes, n=3, cutoff=0.6)
-        hint = f"did you mean {' or '.join(close)}?" if close else "see GET /classes for all"
+        hint = f"did you mean {' or '.join(close)}?" if close else "GET /classes lists them all."
         raise UnknownClass(
             f"no loaded ontology declares the class {name!r}; {hint} "
             "A class of your own is added with `fluentboard serve --ontology FILE`, or by saying "

@@ -13,6 +13,7 @@ from fluentboard.errors import (
     BoardUnreachable,
     FluentboardError,
     InvalidInput,
+    InvalidName,
     InvalidQuery,
     UnknownFluent,
     VersionMismatch,
@@ -249,3 +250,29 @@ def test_import_streams_and_counts_what_it_sent() -> None:
 def test_export_raises_the_problem_instead_of_yielding_it() -> None:
     with pytest.raises(InvalidInput, match="what happened"):
         list(a_client(lambda _: problem("invalid-input", 422)).export("yaml"))
+
+
+def test_author_of_any_script_is_sent_in_utf_8() -> None:
+    seen: list[httpx.Request] = []
+
+    def board(request: httpx.Request) -> httpx.Response:
+        seen.append(request)
+        return httpx.Response(200, json=fluent_to_json(MUG))
+
+    transport = httpx.MockTransport(board)
+    Client("http://board", author="Jürgen 机器人", transport=transport).fluent("mug1")
+    assert dict(seen[0].headers.raw)[b"X-Author"].decode() == "Jürgen 机器人"
+
+
+@pytest.mark.parametrize("who", [{"author": "ann\r\nX-Evil: 1"}, {"token": "secret\n"}])
+def test_line_break_in_a_header_is_refused_before_anything_is_sent(who: dict[str, str]) -> None:
+    with pytest.raises(InvalidInput, match="control characters"):
+        Client("http://board", **who)
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a/b"])
+def test_name_that_would_lead_to_another_path_is_refused(name: str) -> None:
+    client = a_client(lambda request: httpx.Response(200, json={}))
+    for read in (client.fluent, client.history, client.trajectory, client.subscriptions.read):
+        with pytest.raises(InvalidName, match="nothing on a board"):
+            read(name)
