@@ -210,6 +210,7 @@ def create_app(blackboard: Blackboard, settings: Settings) -> BoardApp:
     system.list_routes(operations)
     metrics.gauge("commit", "The last commit that can be read.", lambda: blackboard.commit)
     metrics.gauge("fluents", "Fluents on the board.", lambda: len(blackboard))
+    metrics.gauge("ready", "1 as `/ready` says, else 0.", lambda: blackboard.failure is None)
     metrics.gauge("websockets", "Open WebSockets.", lambda: live.connections)
     metrics.gauge("subscriptions", "Open subscriptions.", lambda: live.subscriptions)
     metrics.gauge("event_streams", "Open event streams.", lambda: live.streams)

@@ -139,6 +139,8 @@ class Blackboard(Querying):
     ) -> Future[Commit]:
         """Asks for a batch, all or nothing; the future is done when it is durable and visible.
 
+        It cannot be cancelled: what was asked for is done.
+
         A batch that changes nothing gives the present commit number and no events. The same
         idempotency key gives the first answer again.
 
@@ -193,8 +195,8 @@ class Blackboard(Querying):
 
     @property
     def failure(self) -> str | None:
-        """Why the board accepts no writes, or None while it does."""
-        return self._projector.failure
+        """Why the board did not accept the last write, or accepts none; None while it does."""
+        return self._projector.failure or self._journal.failure
 
     def __contains__(self, name: str) -> bool:
         return name in self._projections.index

@@ -92,6 +92,19 @@ class Journal(CommitLog, Protocol):
         """An append takes as long as a disk, or a network, does."""
         ...
 
+    @property
+    def failure(self) -> str | None:
+        """Why look-ups lack what was appended; None while they do not."""
+        ...
+
+    def mend(self) -> bool:
+        """Completes what look-ups lack after a failure; False if that is nothing.
+
+        Raises:
+            StorageFailed: it fails again.
+        """
+        ...
+
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
         """The fluent as it stands, or as it stood after commit `as_of`.
 

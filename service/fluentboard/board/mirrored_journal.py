@@ -25,7 +25,8 @@ class MirroredJournal:
     """A journal whose truth is a log elsewhere.
 
     An append goes to the log first, which decides; then to the mirror. If the process ends between
-    the two, `catch_up` copies what the mirror has missed.
+    the two, or the mirror cannot be written, `catch_up` copies what the mirror has missed: at the
+    next start, or before the next append.
 
     Args:
         log: the truth.
@@ -38,6 +39,7 @@ class MirroredJournal:
     def __init__(self, log: CommitLog, mirror: SqliteJournal) -> None:
         self._log = log
         self._mirror = mirror
+        self._failure: str | None = None
         if mirror.last > log.last:
             raise StorageFailed(
                 f"the local mirror is at commit {mirror.last}, but the log only at {log.last}: "
@@ -63,14 +65,43 @@ class MirroredJournal:
         return True
 
     @property
+    def failure(self) -> str | None:
+        """Why the mirror lacks what the log has; None while it does not."""
+        return self._failure
+
+    def mend(self) -> bool:
+        """Copies what the mirror has missed when it could not be written; False if that is nothing.
+
+        Raises:
+            StorageFailed: it cannot be written yet.
+        """
+        if self._failure is None:
+            return False
+        self.catch_up()
+        self._failure = None
+        return True
+
+    @property
     def last(self) -> int:
         """Number of the last commit that can be read."""
         return self._mirror.last
 
     def append(self, entries: Sequence[KeyedCommit], *, expected: int) -> None:
-        """Adds commits, all or none; see `CommitLog.append`."""
+        """Adds commits, all or none; see `CommitLog.append`.
+
+        Raises:
+            StorageFailed: the log has the commits, but not the mirror; `failure` says so until
+                `mend` has succeeded.
+        """
         self._log.append(entries, expected=expected)
-        self._mirror.append(entries, expected=expected)
+        try:
+            self._mirror.append(entries, expected=expected)
+        except StorageFailed as problem:
+            self._failure = (
+                f"the log has commits up to {entries[-1].commit.number}, but the local mirror only "
+                f"up to {self._mirror.last} ({problem.message}). The next write copies them"
+            )
+            raise StorageFailed(self._failure) from None
 
     def read(self, after: int, up_to: int | None = None) -> Iterator[KeyedCommit]:
         """The commits with numbers in (after, up_to], in order."""

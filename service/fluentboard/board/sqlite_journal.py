@@ -68,6 +68,7 @@ class SqliteJournal:
     def __init__(
         self, path: Path | None, durability: Durability = "disk", *, read_only: bool = False
     ) -> None:
+        self.failure: str | None = None
         self._path = path
         self._read_only = read_only
         self._signal = CommitSignal()
@@ -93,6 +94,10 @@ class SqliteJournal:
     def file(self) -> Path | None:
         """The file; None if the journal is in memory."""
         return self._path
+
+    def mend(self) -> bool:
+        """Nothing that was appended is ever lacking."""
+        return False
 
     @property
     def last(self) -> int:

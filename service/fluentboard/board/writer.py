@@ -111,7 +111,9 @@ class Writer:
         self._thread.start()
 
     def submit(self, request: Request) -> Future[Commit]:
-        """Queues a request; its future is done when the commit is durable."""
+        """Queues a request; its future, which cannot be cancelled, is done with the commit."""
+        # What is written cannot be unwritten: nobody may cancel it while the others wait.
+        request.answer.set_running_or_notify_cancel()
         with self._guard:
             if self._closed:
                 request.answer.set_exception(StorageFailed("the board is closed; open it again"))
@@ -191,9 +193,11 @@ class Writer:
         return group, False
 
     def _commit(self, group: list[Request]) -> None:
-        if self._projector.failure is not None:
+        try:
+            self._take_over_missed()
+        except StorageFailed as problem:
             for request in group:
-                request.answer.set_exception(StorageFailed(self._projector.failure))
+                request.answer.set_exception(problem)
             return
         accepted: list[tuple[Request, KeyedCommit]] = []
         answered: list[tuple[Request, Commit | FluentboardError]] = []
@@ -217,7 +221,7 @@ class Writer:
                 self._projections.remember(commits)
                 self._projector.put(commits)
         except StorageFailed as problem:
-            # Nothing of this group is on disk. What was answered without a commit may rest on the
+            # Nothing of this group can be read. What was answered without a commit may rest on the
             # failed changes, so it fails with them.
             for request in group:
                 request.answer.set_exception(problem)
@@ -229,6 +233,19 @@ class Writer:
                 request.answer.set_result(answer)
             else:
                 request.answer.set_exception(answer)
+
+    def _take_over_missed(self) -> None:
+        """Goes on where an append was kept that could not be looked up.
+
+        Raises:
+            StorageFailed: that, or the RDF store, is still broken.
+        """
+        if self._projector.failure is not None:
+            raise StorageFailed(self._projector.failure)
+        if self._journal.mend():
+            missed = list(self._journal.commits(self._projections.remembered))
+            self._projections.remember(missed)
+            self._projector.put(missed)
 
     def _decide(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -11,10 +11,14 @@ import pytest
 from fluentboard.board.blackboard import Blackboard
 from fluentboard.board.commands import AssertFluent, EndFluent
 from fluentboard.board.events import Commit, FluentAdded, FluentEnded, StatementsChanged
+from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import CommitLog, KeyedCommit
 from fluentboard.board.memory_log import MemoryLog
 from fluentboard.board.mirrored_journal import MirroredJournal
+from fluentboard.board.projections import Projections
 from fluentboard.board.sqlite_journal import SqliteJournal
+from fluentboard.board.store import EmbeddedStore
+from fluentboard.clock import ReplayClock
 from fluentboard.errors import StorageFailed, UnexpectedCommit
 from fluentboard.model.fluent import Fluent
 from fluentboard.model.interval import Interval
@@ -153,6 +157,60 @@ def test_a_board_over_any_log_is_there_again_when_its_mirror_is_lost() -> None:
         assert [commit.author for commit in again.history("mug1")] == ["ann", "bob"]
         first = again.execute([AssertFluent(Fluent("mug1", "Mug"))], "ann", idempotency_key="once")
         assert first.number == last - 1
+
+
+class FullDisk(SqliteJournal):
+    """A mirror that cannot be written while `is_full`."""
+
+    is_full = False
+
+    def append(self, entries: Sequence[KeyedCommit], *, expected: int) -> None:
+        if self.is_full:
+            raise StorageFailed("the disk is full; nothing was stored")
+        super().append(entries, expected=expected)
+
+
+def test_a_mirror_that_can_be_written_again_is_caught_up_with() -> None:
+    mirror = FullDisk(None)
+    journal = MirroredJournal(MemoryLog(), mirror)
+    projections = Projections(journal, EmbeddedStore(None), IntervalIndex(), "disk")
+    projections.recover()
+    with Blackboard(projections, ReplayClock(5.0)) as board:
+        board.load_ontologies([], builtin=True)
+        mirror.is_full = True
+        for _ in range(2):
+            with pytest.raises(StorageFailed, match="disk is full"):
+                board.execute([AssertFluent(Fluent("mug2", "Mug"))], "ann", idempotency_key="two")
+            assert "up to 2, but the local mirror only up to 1" in (board.failure or "")
+            assert (board.commit, "mug2" in board) == (1, False)
+        mirror.is_full = False
+        again = board.execute([AssertFluent(Fluent("mug2", "Mug"))], "ann", idempotency_key="two")
+        assert (again.number, board.commit, board.failure) == (2, 2, None)
+        assert board.query("ASK { fluent:mug2 a race:Mug }")
+        assert board.execute([AssertFluent(Fluent("mug3", "Mug"))], "ann").number == 3
+
+
+class SlowLog(MemoryLog):
+    """A log that keeps nothing before it may."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.may_go_on = threading.Event()
+
+    def append(self, entries: Sequence[KeyedCommit], *, expected: int) -> None:
+        self.may_go_on.wait()
+        super().append(entries, expected=expected)
+
+
+def test_a_request_that_somebody_gives_up_does_not_disturb_those_that_share_its_group() -> None:
+    log = SlowLog()
+    log.may_go_on.set()
+    with Blackboard.open(None, log=log) as board:
+        log.may_go_on.clear()
+        asked = [board.submit([AssertFluent(Fluent(f"mug{n}", "Mug"))], "ann") for n in range(3)]
+        assert not any(future.cancel() for future in asked)
+        log.may_go_on.set()
+        assert [future.result().number for future in asked] == [2, 3, 4]
 
 
 def test_a_mirror_of_another_log_is_refused() -> None:
