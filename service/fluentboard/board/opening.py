@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fluentboard.board.audit import AuditFilter
 from fluentboard.board.endpoint import Endpoint
+from fluentboard.board.folder_lock import FolderLock
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import CommitLog, Durability, Journal
 from fluentboard.board.mirrored_journal import MirroredJournal
@@ -34,8 +35,27 @@ def open_projections(
     Raises:
         StorageFailed: the folder is in use, damaged or not writable.
     """
+    lock = None
     if data is not None:
         _make_folder(data)
+        lock = FolderLock(data)
+    try:
+        return _opened(data, durability, log, endpoint, lock)
+    except BaseException:
+        if lock is not None:
+            lock.close()
+        if endpoint is not None:
+            endpoint.close()
+        raise
+
+
+def _opened(
+    data: Path | None,
+    durability: Durability,
+    log: CommitLog | None,
+    endpoint: Endpoint | None,
+    lock: FolderLock | None,
+) -> Projections:
     own = SqliteJournal(data and data / "journal.sqlite", durability)
     journal: Journal = own
     try:
@@ -46,12 +66,10 @@ def open_projections(
             if endpoint is None
             else RemoteStore(endpoint, lambda: _identity(journal))
         )
-        projections = Projections(journal, store, IntervalIndex(), durability)
+        projections = Projections(journal, store, IntervalIndex(), durability, lock)
         projections.recover()
     except BaseException:
         journal.close()
-        if endpoint is not None:
-            endpoint.close()
         raise
     return projections
 

@@ -13,6 +13,7 @@ import pyoxigraph as ox
 
 from fluentboard.board.declarations import Declarations
 from fluentboard.board.events import Commit, StatementsChanged
+from fluentboard.board.folder_lock import FolderLock
 from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import Durability, Journal
 from fluentboard.board.prepared_queries import PreparedQueries
@@ -44,7 +45,9 @@ class Projections:
         store: RdfStore,
         index: IntervalIndex,
         durability: Durability,
+        lock: FolderLock | None = None,
     ) -> None:
+        self._lock = lock
         self.journal = journal
         self._durability = durability
         self.store = store
@@ -187,6 +190,8 @@ class Projections:
         """Lets go of all files."""
         self.store.close()
         self.journal.close()
+        if self._lock is not None:
+            self._lock.close()
 
     def _project_events(self, commits: Sequence[Commit]) -> None:
         added: dict[str, None] = {}

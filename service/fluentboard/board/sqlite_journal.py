@@ -22,6 +22,7 @@ from fluentboard.board.events import Commit, FluentAdded, FluentEvent, Statement
 from fluentboard.board.journal import Durability, KeyedCommit
 from fluentboard.board.journal_rows import Row, encoded, event_of, folded
 from fluentboard.board.memory_log import check_expected
+from fluentboard.board.thread_connections import ThreadConnections
 from fluentboard.errors import StorageFailed, UnknownFluent
 from fluentboard.model.fluent import Fluent
 
@@ -73,9 +74,7 @@ class SqliteJournal:
         self._read_only = read_only
         self._signal = CommitSignal()
         self.waits_for_disk = path is not None and durability == "disk"
-        self._local = threading.local()
-        self._connections: list[sqlite3.Connection] = []
-        self._guard = threading.Lock()
+        self._readers = ThreadConnections(self._connect)
         self._appending = threading.Lock()
         # In memory there is one connection for all threads, so reads and appends take turns.
         self._exclusive = threading.Lock() if path is None else nullcontext()
@@ -83,9 +82,16 @@ class SqliteJournal:
             if read_only and path is not None and not path.is_file():
                 raise StorageFailed(f"there is no journal at {path}; give the data folder of one")
             self._writer = self._connect()
-            self._prepare(durability)
         except sqlite3.Error as problem:
             raise StorageFailed(f"cannot open the journal {path}: {problem}") from None
+        try:
+            self._prepare(durability)
+        except sqlite3.Error as problem:
+            self._writer.close()
+            raise StorageFailed(f"cannot open the journal {path}: {problem}") from None
+        except StorageFailed:
+            self._writer.close()
+            raise
         (self._last,) = self._writer.execute(
             "SELECT coalesce(max(number), 0) FROM commits"
         ).fetchone()
@@ -325,10 +331,8 @@ class SqliteJournal:
     def close(self) -> None:
         """Lets go of the file, and ends every tail."""
         self._signal.close()
-        with self._guard:
-            for connection in self._connections:
-                connection.close()
-            self._connections.clear()
+        self._readers.close()
+        self._writer.close()
 
     def _prepare(self, durability: Durability) -> None:
         """Checks the format of the file, and makes or completes its tables."""
@@ -354,18 +358,13 @@ class SqliteJournal:
             self._path or ":memory:", isolation_level=None, check_same_thread=False, timeout=30.0
         )
         connection.execute("PRAGMA journal_mode = WAL")
-        with self._guard:
-            self._connections.append(connection)
         return connection
 
     def _read(self, sql: str, parameters: tuple[Any, ...]) -> Iterator[Any]:
         if self._path is None:
             with self._exclusive:
                 return iter(self._writer.execute(sql, parameters).fetchall())
-        connection: sqlite3.Connection | None = getattr(self._local, "connection", None)
-        if connection is None:
-            connection = self._local.connection = self._connect()
-        return connection.execute(sql, parameters)
+        return self._readers.mine().execute(sql, parameters)
 
     def _rows(
         self, where: str, parameters: tuple[Any, ...], order: str = "c.commit_number, c.position"
