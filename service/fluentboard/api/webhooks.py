@@ -15,7 +15,8 @@ import logging
 import random
 import secrets
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -33,7 +34,13 @@ from fluentboard.board.subscriptions.registry import SubscriptionRegistry
 from fluentboard.board.subscriptions.subscription import Subscription
 from fluentboard.clock import Clock, SystemClock
 from fluentboard.config import SubscriptionSettings, is_loopback
-from fluentboard.errors import FluentboardError, InvalidInput, NotAllowed, UnknownResource
+from fluentboard.errors import (
+    FluentboardError,
+    InvalidInput,
+    NotAllowed,
+    StorageFailed,
+    UnknownResource,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -251,16 +258,10 @@ class _Delivery:
             settings.webhook_attempts,
             reason,
         )
-        await asyncio.to_thread(
-            webhooks.durable.bury,
-            one.name,
-            delivery,
-            body,
-            settings.webhook_attempts,
-            reason,
-            webhooks.clock.now_s(),
-        )
         self._is_broken = True
+        tries, now_s = settings.webhook_attempts, webhooks.clock.now_s()
+        bury = webhooks.durable.bury
+        await self._noted(partial(bury, one.name, delivery, body, tries, reason, now_s))
         return False
 
     async def _attempt(self, delivery: str, body: bytes) -> tuple[int, str, float]:
@@ -285,7 +286,15 @@ class _Delivery:
                 self._seen = Position(seen.commit, seen.at_s, sequence)
                 self._is_broken = False
         if self._seen is not None:
-            await asyncio.to_thread(self._webhooks.durable.advance, self._one.name, self._seen)
+            advance = self._webhooks.durable.advance
+            await self._noted(partial(advance, self._one.name, self._seen))
+
+    async def _noted(self, note: Callable[[], None]) -> None:
+        """Notes something on the disk; without it, a restart posts again what was posted."""
+        try:
+            await asyncio.to_thread(note)
+        except StorageFailed as problem:
+            logger.warning("how far %s has come cannot be noted: %s", self._one.name, problem)
 
     def _is_paused(self) -> bool:
         try:

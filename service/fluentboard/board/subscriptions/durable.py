@@ -105,7 +105,7 @@ class DurableSubscriptions:
     """The durable subscriptions of a board, in a SQLite file. Safe to use from any thread.
 
     The file is opened when it is needed; every method raises StorageFailed if it cannot be opened,
-    or another version wrote it.
+    read or written, or another version wrote it. What could not be written leaves no trace.
 
     Args:
         path: the file, created with the first subscription; None keeps them in memory.
@@ -253,7 +253,10 @@ class DurableSubscriptions:
         with self._lock:
             if self._connection is None and (self._path is None or not self._path.exists()):
                 return []
-            return self._opened().execute(sql, parameters).fetchall()
+            try:
+                return self._opened().execute(sql, parameters).fetchall()
+            except sqlite3.Error as problem:
+                raise StorageFailed(f"cannot read the subscriptions: {problem}") from None
 
     def _opened(self) -> sqlite3.Connection:
         if self._connection is not None:
@@ -287,13 +290,18 @@ class DurableSubscriptions:
     def _changing(self) -> Generator[sqlite3.Connection]:
         with self._lock:
             database = self._opened()
-            database.execute("BEGIN IMMEDIATE")
             try:
+                database.execute("BEGIN IMMEDIATE")
                 yield database
-            except BaseException:
-                database.execute("ROLLBACK")
-                raise
-            database.execute("COMMIT")
+                database.execute("COMMIT")
+            except sqlite3.OperationalError as problem:
+                raise StorageFailed(
+                    f"the durable subscriptions cannot be written: {problem}; free disk space and "
+                    "repeat the request"
+                ) from None
+            finally:
+                if database.in_transaction:
+                    database.execute("ROLLBACK")
 
 
 def _subscription(row: tuple[Any, ...]) -> DurableSubscription:
