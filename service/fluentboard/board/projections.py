@@ -18,7 +18,7 @@ from fluentboard.board.intervals import IntervalIndex
 from fluentboard.board.journal import Durability, Journal
 from fluentboard.board.prepared_queries import PreparedQueries
 from fluentboard.board.rdf_store import RdfStore
-from fluentboard.board.statement_layers import StatementLayers
+from fluentboard.board.statement_layers import StatementLayers, Step
 from fluentboard.board.triples import event_lines, fluent_lines
 from fluentboard.board.vocabulary import Vocabulary, parse_statements
 from fluentboard.errors import InvalidOntology, UnknownFluent
@@ -60,6 +60,9 @@ class Projections:
         self._layers = StatementLayers(store.says)
         self._recent: dict[str, Fluent] = {}
         self._marked = 0
+        self._projected = 0
+        self._stated = 0
+        self._held_step: tuple[int, Step] | None = None
         self.remembered = 0
 
     def fluent(self, name: str, as_of: int | None = None) -> Fluent:
@@ -104,17 +107,19 @@ class Projections:
         """Brings the RDF store to the last of the commits.
 
         Raises:
-            StorageFailed: the store cannot be written.
+            StorageFailed: the store cannot be written. Call it again with the same commits: it
+                goes on where it stopped.
         """
         waiting: list[Commit] = []
         for commit in commits:
-            if commit.statements:
+            if commit.statements and commit.number > self._stated:
                 # An ontology may rename classes for the events after it, not for those before.
-                if waiting:
-                    self._project_events(waiting)
-                    waiting = []
+                self._project_events(waiting)
+                waiting = []
                 self._project_statements(commit.statements, commit.number)
-            waiting.append(commit)
+                self._stated = commit.number
+            if commit.number > self._projected:
+                waiting.append(commit)
         self._project_events(waiting)
         if commits[-1].number - self._marked >= _MARK_EVERY:
             self.store.mark(state=self._durability)
@@ -188,12 +193,16 @@ class Projections:
 
     def close(self) -> None:
         """Lets go of all files."""
-        self.store.close()
-        self.journal.close()
-        if self._lock is not None:
-            self._lock.close()
+        try:
+            self.store.close()
+        finally:
+            self.journal.close()
+            if self._lock is not None:
+                self._lock.close()
 
     def _project_events(self, commits: Sequence[Commit]) -> None:
+        if not commits:
+            return
         added: dict[str, None] = {}
         removed: dict[str, None] = {}
         for commit in commits:
@@ -214,13 +223,18 @@ class Projections:
                 else:
                     added.update(dict.fromkeys(new))
         self.store.apply("".join(added), "".join(removed), commits[-1].number)
+        self._projected = commits[-1].number
 
     def _project_statements(self, changes: Sequence[StatementsChanged], number: int) -> None:
-        step = self._layers.step(changes)
+        # A step moves the layers on: one that the store refused is kept, not taken again.
+        held = self._held_step
+        step = held[1] if held is not None and held[0] == number else self._layers.step(changes)
+        self._held_step = number, step
         # In one transaction, or a reader could see half of it and take it for the whole.
         self.store.apply_statements(
             step.added, step.removed, number, created=step.created, dropped=step.dropped
         )
+        self._held_step = None
 
     def _rebuild(self, last: int) -> None:
         logger.info("rebuilding the RDF store from the journal (%s commits)", last)

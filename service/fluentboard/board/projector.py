@@ -21,16 +21,29 @@ Listener = Callable[[Sequence[Commit]], None]
 
 _WAITING_EVENTS_MAX = 50_000
 _GROUP_EVENTS_MAX = 20_000
+# A store that failed is tried again so often.
+_RETRY_S = 1.0
 # How long the next commit is waited for, and all that follow each other as closely.
 _LINGER_S = 0.002
 _LINGER_MAX_S = 0.02
 
 
 class Projector:
-    """Applies commits to the RDF store in order, many at a time."""
+    """Applies commits to the RDF store in order, many at a time.
 
-    def __init__(self, projections: Projections) -> None:
+    What a full disk or a lost endpoint has stopped is tried again until it succeeds.
+
+    Args:
+        projections: has the store.
+        retry_s: how long to wait after a failure, in seconds.
+
+    Attributes:
+        failure: why the store is behind the journal at present; None while nothing is wrong.
+    """
+
+    def __init__(self, projections: Projections, retry_s: float = _RETRY_S) -> None:
         self._projections = projections
+        self._retry_s = retry_s
         lock = threading.Lock()
         self._changed = threading.Condition(lock)
         self._arrived = threading.Condition(lock)
@@ -66,7 +79,7 @@ class Projector:
         """Returns when the RDF store has applied a commit.
 
         Raises:
-            StorageFailed: the store cannot be written; a restart catches up.
+            StorageFailed: the store cannot be written at present.
         """
         if self._projections.store.applied >= commit:
             return
@@ -92,7 +105,7 @@ class Projector:
         return stop
 
     def close(self) -> None:
-        """Applies what is in the queue and stops."""
+        """Applies what is in the queue, if that can be done, and stops."""
         with self._changed:
             self._closing = True
             self._arrived.notify()
@@ -109,19 +122,10 @@ class Projector:
                 # and the writers have the interpreter to themselves meanwhile.
                 self._linger()
                 group = self._next_group()
-            try:
-                self._projections.project(group)
-            except Exception as problem:
-                # The commits are durable, only their projection is missing.
-                logger.exception("the RDF store fell behind the journal")
+            while not self._projected(group):
                 with self._changed:
-                    self.failure = (
-                        f"the RDF store cannot follow the journal ({problem}); restart the board, "
-                        "it catches up from the journal"
-                    )
-                    self._waiting.clear()
-                    self._changed.notify_all()
-                return
+                    if self._urgent.wait_for(lambda: self._closing, self._retry_s):
+                        return
             with self._changed:
                 self._waiting_events -= sum(len(commit.events) for commit in group)
                 self._changed.notify_all()
@@ -133,6 +137,27 @@ class Projector:
                     listener(group)
                 except Exception:
                     logger.exception("a listener failed on commit %s", group[-1].number)
+
+    def _projected(self, group: Sequence[Commit]) -> bool:
+        """Tries to apply commits, and says in `failure` why it cannot be done at present."""
+        try:
+            self._projections.project(group)
+        except Exception as problem:
+            # The commits are durable, only their projection is missing.
+            if self.failure is None:
+                logger.exception("the RDF store fell behind the journal")
+            with self._changed:
+                self.failure = (
+                    f"the RDF store cannot follow the journal ({problem}); it is tried again every "
+                    f"{self._retry_s:g} s: make room on its disk, or see to its endpoint. A "
+                    "restart catches up from the journal, too"
+                )
+                self._changed.notify_all()
+            return False
+        if self.failure is not None:
+            logger.warning("the RDF store follows the journal again")
+            self.failure = None
+        return True
 
     def _linger(self) -> None:
         until_s = time.monotonic() + _LINGER_MAX_S

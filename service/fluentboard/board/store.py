@@ -5,6 +5,8 @@ The embedded store is Oxigraph on RocksDB. One process owns its folder; everybod
 
 from __future__ import annotations
 
+import logging
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
@@ -31,6 +33,12 @@ _STATE = ox.NamedNode(FB + "state")
 _INTEGER = ox.NamedNode("http://www.w3.org/2001/XMLSchema#integer")
 
 
+# Without as much room on its disk, a store that could not be written is not opened again.
+_ROOM_BYTES = 8 * 2**20
+
+logger = logging.getLogger(__name__)
+
+
 def in_hidden_graph(quad: ox.Quad) -> ox.Quad:
     """A statement of the default graph as the hidden graph has it."""
     return ox.Quad(quad.subject, quad.predicate, quad.object, SAID)
@@ -52,15 +60,19 @@ class EmbeddedStore(RdfStore):
 
     def __init__(self, folder: Path | None, *, applied: int | None = None) -> None:
         super().__init__()
-        try:
-            self._store = ox.Store() if folder is None else ox.Store(str(folder))
-        except OSError as problem:
-            raise StorageFailed(
-                f"cannot open the RDF store in {folder}: {problem}. If another fluentboard uses "
-                "it, stop that one; if the files are damaged, delete the folder and start again: "
-                "it is rebuilt from the journal"
-            ) from None
+        self._folder = folder
+        self._database: ox.Store | None = _opened(folder)
+        self._is_broken = False
         self._applied = self._marked() if applied is None else applied
+
+    @property
+    def _store(self) -> ox.Store:
+        if self._database is None:
+            raise StorageFailed(
+                "the RDF store is closed, because its disk was full or broken; it is opened again "
+                "as soon as that can be done"
+            )
+        return self._database
 
     @property
     def may_be_ahead(self) -> bool:
@@ -88,12 +100,14 @@ class EmbeddedStore(RdfStore):
         with self._applying:
             self._sequence += 1
             try:
+                self._revive()
                 if removed:
                     self._store.update(f"DELETE DATA {{ {removed} }} ; INSERT DATA {{ {added} }}")
                 elif added:
                     self._store.load(added.encode(), format=ox.RdfFormat.N_TRIPLES)
                 self._applied = commit
             except OSError as problem:
+                self._is_broken = True
                 raise StorageFailed(f"the RDF store cannot be written: {problem}") from None
             finally:
                 self._sequence += 1
@@ -131,6 +145,7 @@ class EmbeddedStore(RdfStore):
         with self._applying:
             self._sequence += 1
             try:
+                self._revive()
                 if is_plain:
                     self._store.extend(added)
                 else:
@@ -139,6 +154,7 @@ class EmbeddedStore(RdfStore):
                     script.run(self._store)
                 self._applied = commit
             except OSError as problem:
+                self._is_broken = True
                 raise StorageFailed(f"the RDF store cannot be written: {problem}") from None
             finally:
                 self._sequence += 1
@@ -298,13 +314,27 @@ class EmbeddedStore(RdfStore):
     def let_go(self) -> None:
         """Lets go of the files without leaving a mark."""
         self._store.flush()
-        del self._store
+        self._database = None
 
     def close(self) -> None:
         """Marks the store as closed in order and lets go of its files."""
-        self.mark(state="closed")
-        self._store.flush()
-        del self._store
+        try:
+            self.mark(state="closed")
+            self._store.flush()
+        except (OSError, StorageFailed) as problem:
+            logger.warning("the RDF store is not closed in order: %s", problem)
+        self._database = None
+
+    def _revive(self) -> None:
+        """Opens the files anew once they could not be written: RocksDB does not go on by itself."""
+        if not self._is_broken or self._folder is None:
+            return
+        if shutil.disk_usage(self._folder).free < _ROOM_BYTES:
+            raise OSError(f"less than {_ROOM_BYTES:,} bytes are free in {self._folder}")
+        # Results that somebody still reads keep them open; then the next attempt succeeds.
+        self._database = None
+        self._database = _opened(self._folder)
+        self._is_broken = False
 
     def _marked(self) -> int:
         marks = [
@@ -313,3 +343,14 @@ class EmbeddedStore(RdfStore):
             if isinstance(quad.object, ox.Literal)
         ]
         return min(marks, default=0)
+
+
+def _opened(folder: Path | None) -> ox.Store:
+    try:
+        return ox.Store() if folder is None else ox.Store(str(folder))
+    except OSError as problem:
+        raise StorageFailed(
+            f"cannot open the RDF store in {folder}: {problem}. If another fluentboard uses it, "
+            "stop that one; if the files are damaged, delete the folder and start again: it is "
+            "rebuilt from the journal"
+        ) from None
