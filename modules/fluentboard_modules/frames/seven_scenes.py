@@ -72,6 +72,12 @@ class SevenScenes:
             for file in path.iterdir()
             if (match := _DEPTH.search(file.name))
         )
+        if not any(_sibling(depth, ".pose.txt").exists() for _, depth in numbered):
+            raise InvalidFrame(
+                f"{path}: depth images without poses ({_sibling(numbered[0][1], '.pose.txt').name} "
+                "and the others are missing); frames can only be put together if it is known where "
+                "the camera was"
+            )
         about = read_json(path / _ABOUT_FILE) if (path / _ABOUT_FILE).is_file() else {}
         stamps_s = _stamps_s(path / _STAMPS_FILE, [number for number, _ in numbered], start_s)
         has_colour = any(_colour_file(depth).exists() for _, depth in numbered)

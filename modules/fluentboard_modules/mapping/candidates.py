@@ -294,6 +294,28 @@ def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -
     return overlap >= (config.exact_overlap if are_exact else config.other_place_overlap)
 
 
+def takes_the_place(
+    piece: Candidate, other: FurnitureClass, box: BoundingBox, config: FurnitureMapConfig
+) -> bool:
+    """Whether a piece that is believed shows that one of another class is not there.
+
+    Args:
+        piece: chosen for its place.
+        other: class of the other.
+        box: of the other.
+        config: when two are at the same place.
+    """
+    if piece.is_pending or piece.score < config.accept_score or piece.furniture.name == other.name:
+        return False
+    for seat, top in ((piece.furniture, other), (other, piece.furniture)):
+        if seat.back_planes and top.has_room_below:
+            return False
+    return (
+        _share_heights(piece.geometry.box, box)
+        and box_overlap(piece.geometry.box, box) >= config.other_place_overlap
+    )
+
+
 def _share_heights(a: BoundingBox, b: BoundingBox) -> bool:
     """Whether one of two upright boxes is not wholly above the other."""
     return abs(a.pose.z - b.pose.z) < 0.5 * (a.z_size + b.z_size)

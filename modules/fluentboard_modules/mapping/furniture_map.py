@@ -20,6 +20,7 @@ from fluentboard_modules.mapping.candidates import (
     lies_on,
     place_candidate,
     placing_area,
+    takes_the_place,
     with_verdicts,
 )
 from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapConfig
@@ -250,6 +251,11 @@ class FurnitureMap:
                 # What is out of sight is not judged; what is gone is.
                 main_plane = self._plane_map.current(track.main_plane)
                 track.n_without += main_plane is None or main_plane in seen_now
+                furniture = self._rules.rules.furniture[track.item.class_name]
+                if any(
+                    takes_the_place(one, furniture, track.item.box, self._config) for one in chosen
+                ):
+                    track.n_without = self._config.patience_frames + 1
                 continue
             free.remove(candidate)
             track.n_without = 0

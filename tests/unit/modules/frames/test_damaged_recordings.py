@@ -139,3 +139,12 @@ def test_an_eight_bit_depth_image_is_refused(
     with caplog.at_level(logging.WARNING):
         assert list(open_folder(tmp_path)) == []
     assert "16-bit" in caplog.text
+
+
+def test_depth_images_without_any_pose_are_refused(tmp_path: Path) -> None:
+    write_seven_scenes(tmp_path)
+    for pose in tmp_path.glob("*.pose.txt"):
+        pose.unlink()
+
+    with pytest.raises(InvalidFrame, match="depth images without poses"):
+        open_folder(tmp_path)

@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
+from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.cad_library import CadLibrary
+from fluentboard_modules.mapping.candidates import place_candidate, takes_the_place
 from fluentboard_modules.mapping.config import (
     DepthNoiseConfig,
+    FurnitureMapConfig,
     HypothesisConfig,
     VerificationConfig,
 )
@@ -137,3 +140,30 @@ def test_the_top_of_a_cupboard_is_no_wall_shelf(
     cupboard: Box = ((-0.7, 1.7, 0.0), (0.7, 2.0, 1.1))
 
     assert not verdict_on(render, furniture_rules, "WallShelf", board, [cupboard]).is_accepted
+
+
+@pytest.mark.parametrize(
+    ("class_name", "aside_m", "is_gone"),
+    [("Cabinet", 0.0, True), ("Cabinet", 1.5, False), ("WallShelf", 0.0, False)],
+)
+def test_a_counter_takes_the_place_of_a_cabinet_but_not_of_a_shelf_above_it(
+    furniture_rules: FurnitureRules,
+    doors: list[PlanarRegion],
+    class_name: str,
+    aside_m: float,
+    is_gone: bool,
+) -> None:
+    """A scrap of the top and the doors were a cabinet, until the wall behind them was seen."""
+    config = FurnitureMapConfig()
+    (hypothesis,) = (
+        h for h in furniture_rules.classify(doors).hypotheses if h.class_name == "Counter"
+    )
+    classes = furniture_rules.rules.furniture
+    counter = place_candidate(
+        hypothesis, classes["Counter"], [0, 1], doors, {0: 20, 1: 20}, 1.0, config
+    )
+    low, high = (0.0, 0.9) if class_name == "Cabinet" else (1.06, 1.1)
+    at = Pose.from_rpy(aside_m, 1.7, 0.5 * (low + high))
+
+    box = BoundingBox(at, 1.0, 0.5, high - low)
+    assert takes_the_place(counter, classes[class_name], box, config) == is_gone
