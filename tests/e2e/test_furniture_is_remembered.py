@@ -88,6 +88,7 @@ def test_every_piece_has_one_fluent_over_all_visits(board: Client) -> None:
     assert sorted(piece.name for piece in board.fluents("Furniture")) == [
         "chair1",
         "chair2",
+        "counter1",  # in the background
         "table1",
     ]
     (table,) = board.fluents("Table")
