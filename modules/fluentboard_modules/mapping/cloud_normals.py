@@ -54,7 +54,7 @@ def _moments(points: FloatArray) -> FloatArray:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _box_filtered(moments: FloatArray, neighbours: NDArray[np.int32]) -> FloatArray:
     total = moments.copy()
     for row in range(len(moments)):
@@ -66,7 +66,7 @@ def _box_filtered(moments: FloatArray, neighbours: NDArray[np.int32]) -> FloatAr
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def smallest_component(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float
 ) -> tuple[float, float, float, float, float]:
@@ -107,7 +107,7 @@ def smallest_component(
     return smallest, middle, best_x, best_y, best_z
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _smallest_components(
     moments: FloatArray, least_spread_m2: float
 ) -> tuple[FloatArray, FloatArray]:

@@ -63,7 +63,7 @@ def _numbered_by_size(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     return number[labels]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _plane_of(m: FloatArray) -> tuple[float, float, float, float]:
     """Unit normal and offset of the plane through points of these moments."""
     x, y, z = m[1] / m[0], m[2] / m[0], m[3] / m[0]
@@ -78,7 +78,7 @@ def _plane_of(m: FloatArray) -> tuple[float, float, float, float]:
     return nx, ny, nz, nx * x + ny * y + nz * z
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _add(m: FloatArray, x: float, y: float, z: float) -> None:
     m[0] += 1.0
     m[1] += x
@@ -92,7 +92,7 @@ def _add(m: FloatArray, x: float, y: float, z: float) -> None:
     m[9] += z * z
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _grow(
     points: FloatArray,
     normals: FloatArray,
@@ -170,7 +170,7 @@ def _grow(
     return labels, n_segments, equations[:n_segments]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _take_borders(
     points: FloatArray,
     normals: FloatArray,

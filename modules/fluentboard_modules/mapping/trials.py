@@ -130,8 +130,8 @@ def _frames(
         present = [one for one in true if sights[one.name].is_hint]
         expected = {one.name for one in true if sights[one.name].is_expected}
         large = {one.name for one in true if sights[one.name].is_large}
-        looks.append(rate(_detections(found.furniture), present, expected))
-        strict_looks.append(rate(_detections(found.furniture), present, large))
+        looks.append(rate(detections(found.furniture), present, expected))
+        strict_looks.append(rate(detections(found.furniture), present, large))
         scores += _scores(found, true)
     clock.seconds["verification"] -= clock.seconds["classification"]  # done there once more
     return Trial(totals(looks), scores, clock.per(len(looks)), len(looks), totals(strict_looks))
@@ -157,7 +157,7 @@ def _map(
         n_frames += 1
     with clock("classification and verification"):
         room.settle()
-    rows = totals([rate(_detections(room.furniture()), true, {one.name for one in true})])
+    rows = totals([rate(detections(room.furniture()), true, {one.name for one in true})])
     return Trial(rows, [], clock.per(max(n_frames, 1)), n_frames)
 
 
@@ -186,11 +186,12 @@ def _scene(
     with clock("verification"):
         found = find_furniture(regions, views.since(), rules, library, config, floor)
     clock.seconds["verification"] -= clock.seconds["classification"]
-    rows = totals([rate(_detections(found.furniture), true, {one.name for one in true})])
+    rows = totals([rate(detections(found.furniture), true, {one.name for one in true})])
     return Trial(rows, _scores(found, true), clock.per(1), n_frames)
 
 
-def _detections(found: Sequence[Candidate] | Sequence[FurnitureItem]) -> list[Detection]:
+def detections(found: Sequence[Candidate] | Sequence[FurnitureItem]) -> list[Detection]:
+    """What the protocol needs of the pieces that a CAD model explains."""
     fits = [piece.cad if isinstance(piece, FurnitureItem) else piece.fit for piece in found]
     return [
         Detection(fit.model, fit.pose, fit.initial_pose, fit.score)

@@ -129,7 +129,7 @@ class SceneCloud:
             _fill(self._keys[: self._n], self._table_keys, self._table_rows)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _slot(key: int, table_keys: Keys) -> int:
     """Where a key is in the table, or where it would be put."""
     mask = len(table_keys) - 1
@@ -140,7 +140,7 @@ def _slot(key: int, table_keys: Keys) -> int:
     return slot
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _fill(keys: Keys, table_keys: Keys, table_rows: NDArray[np.int32]) -> None:
     for row in range(len(keys)):
         slot = _slot(keys[row], table_keys)
@@ -148,7 +148,7 @@ def _fill(keys: Keys, table_keys: Keys, table_rows: NDArray[np.int32]) -> None:
         table_rows[slot] = row
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _insert(
     points: FloatArray,
     sensor: FloatArray,
@@ -195,7 +195,7 @@ def _insert(
     return n, taken
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _neighbours(keys: Keys, table_keys: Keys, table_rows: NDArray[np.int32]) -> NDArray[np.int32]:
     """`(n, 26)`; rows of the voxels around each, -1 where there is none."""
     found = np.full((len(keys), 26), -1, dtype=np.int32)
