@@ -10,7 +10,7 @@ bin is not a chair.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from fluentboard_modules.mapping.cad_models import CadModel
 from fluentboard_modules.mapping.config import VisibilityConfig
 from fluentboard_modules.mapping.depth_views import DepthView
 from fluentboard_modules.mapping.draw_kernels import draw, image_window, in_sensor
+from fluentboard_modules.mapping.relief_kernels import relief_equations
 from fluentboard_modules.mapping.stack_kernels import areas_of_views, first_in_box
 from fluentboard_modules.mapping.view_stack import ViewStack
 
@@ -183,7 +184,7 @@ def draw_into(
 
 
 def front_relief_m(
-    model: CadModel, T_map_model: Transform, views: Iterable[DepthView], config: VisibilityConfig
+    model: CadModel, T_map_model: Transform, views: Sequence[DepthView], config: VisibilityConfig
 ) -> float:
     """How much deeper the openings of a model's front were measured than its edges, in metres.
 
@@ -192,40 +193,24 @@ def front_relief_m(
     if the model is turned against the wall, for what is measured is a step on a slanted plane. It
     is lowered by twice its standard error: what was hardly seen has no relief.
     """
-    front = float(model.mesh.bounds[1, 0])
-    # Of the least squares: depth behind the front = offset + slopes along it + relief in openings.
-    normal_matrix, right_side = 1e-9 * np.eye(4), np.zeros(4)
-    counts = np.zeros(2)
-    for view in views:
-        drawing = draw_into(model, T_map_model, view, config.overrun_reach_m)
-        if drawing is None:
-            continue
-        window, expected = drawing.window, drawing.expected
-        part = slice(window[0], window[1]), slice(window[2], window[3])
-        rays, depth = view.rays[part], view.depth_m[part]
-        T_model_sensor = drawing.T_sensor_model.inverse()
-        origin = T_model_sensor.translation.astype(np.float32)
-        directions = rays @ T_model_sensor.rotation.T.astype(np.float32)
-        if origin[0] <= front:
-            continue
-        hit = np.isfinite(expected)
-        expected_x = origin[0] + np.where(hit, expected, 0.0) * directions[..., 0]
-        measured = origin + depth[..., None] * directions
-        behind = front - measured[..., 0]
-        # What is far in front of it or far inside says nothing about its edges.
-        usable = hit & (depth > 0.0) & (np.abs(behind) < _RELIEF_REACH_M)
-        is_edge = usable & (expected_x > front - 0.012)
-        is_opening = usable & (expected_x < front - 0.06)
-        counts += np.count_nonzero(is_edge), np.count_nonzero(is_opening)
-        used = is_edge | is_opening
-        y, z = measured[used][:, 1], measured[used][:, 2]
-        rows = np.column_stack([np.ones(len(y)), y, z, is_opening[used]]).astype(np.float64)
-        weight = 1.0 / np.maximum(view.sigma_m[part][used], 1e-3).astype(np.float64) ** 2
-        normal_matrix += (rows * weight[:, None]).T @ rows
-        right_side += (rows * weight[:, None]).T @ behind[used]
+    stack = ViewStack.of(views)
+    equations, right_side, counts = relief_equations(
+        model.mesh.vertices,
+        model.mesh.triangles,
+        model.box_corners,
+        T_map_model.matrix,
+        stack.depth_m,
+        stack.sigma_m,
+        stack.cameras,
+        stack.sizes,
+        stack.T_sensor_map,
+        config.overrun_reach_m,
+        float(model.mesh.bounds[1, 0]),
+        _RELIEF_REACH_M,
+    )
     if (counts < _RELIEF_PIXELS).any():
         return 0.0
-    covariance = np.linalg.inv(normal_matrix)
+    covariance = np.linalg.inv(equations + 1e-9 * np.eye(4))
     relief = float((covariance @ right_side)[3])
     return max(relief - 2.0 * float(np.sqrt(covariance[3, 3])), 0.0)
 
