@@ -170,6 +170,43 @@ def test_an_endpoint_that_does_not_answer_is_told(tmp_path: Path) -> None:
         opened(tmp_path, "http://127.0.0.1:9")
 
 
+class Moody(Endpoint):
+    """An endpoint that does not answer while it `is_away`."""
+
+    is_away = False
+
+    def update(self, sparql: str) -> None:
+        if self.is_away:
+            raise StorageFailed("the store does not answer")
+        super().update(sparql)
+
+
+@pytest.mark.parametrize("is_emptied", [False, True])
+def test_an_endpoint_that_comes_back_is_gone_on_with_only_if_it_is_as_it_was(
+    endpoint: str, tmp_path: Path, *, is_emptied: bool
+) -> None:
+    moody = Moody(endpoint)
+    with Blackboard.open(tmp_path, durability="process", endpoint=moody) as board:
+        board.execute([AssertFluent(Fluent("mug1", "Mug"))], "test")
+        assert board.query("ASK { fluent:mug1 a race:Mug }")
+        moody.is_away = True
+        board.execute([AssertFluent(Fluent("mug2", "Mug"))], "test")
+        with pytest.raises(StorageFailed, match="does not answer"):
+            board.query("ASK { fluent:mug2 a race:Mug }")
+        if is_emptied:
+            httpx.post(endpoint + "/update", data={"update": "CLEAR ALL"}, trust_env=False)
+        moody.is_away = False
+        expected = "lost statements" if is_emptied else None
+        deadline = time.monotonic() + 20.0
+        while expected not in (board.failure or "") if expected else board.failure is not None:
+            assert time.monotonic() < deadline, board.failure
+            time.sleep(0.05)
+        if not is_emptied:
+            assert board.query("ASK { fluent:mug1 a race:Mug . fluent:mug2 a race:Mug }")
+    with opened(tmp_path, endpoint) as again:
+        assert again.query("ASK { fluent:mug1 a race:Mug . fluent:mug2 a race:Mug }")
+
+
 def test_the_service_runs_over_an_endpoint(endpoint: str, tmp_path: Path) -> None:
     with (
         ServiceProcess(tmp_path / "data", arguments=("--store", endpoint)) as service,

@@ -19,7 +19,7 @@ from fluentboard.board.events import StatementsChanged
 from fluentboard.board.oxigraph_query import GraphName, QueryResults
 from fluentboard.board.rdf_store import RdfStore
 from fluentboard.board.store import HIDDEN_GRAPHS, META, SAID, in_hidden_graph
-from fluentboard.errors import InvalidConfiguration, InvalidQuery
+from fluentboard.errors import InvalidConfiguration, InvalidQuery, StorageFailed
 from fluentboard_ontology import FB
 
 _APPLIED, _STATE, _JOURNAL = f"<{FB}appliedCommit>", f"<{FB}state>", f"<{FB}journal>"
@@ -49,10 +49,8 @@ class RemoteStore(RdfStore):
         self._state = ""
         # What updates have said in the default graph; known from the journal, so it is kept here.
         self._said = ox.Store()
-        noted = {
-            str(row["p"]): str(getattr(row["o"], "value", ""))
-            for row in self._select(f"SELECT ?p ?o {{ GRAPH {META} {{ {META} ?p ?o }} }}")
-        }
+        self._was_lost = False
+        noted = self._noted()
         self._check_owner(noted)
         self._applied = int(noted.get(_APPLIED, "0"))
         self._state = noted.get(_STATE, "")
@@ -103,7 +101,9 @@ class RemoteStore(RdfStore):
         self._applied = 0
 
     def mark(self, *, state: str) -> None:
-        """See `RdfStore.mark`."""
+        """See `RdfStore.mark`; what an endpoint has that was lost is not known."""
+        if self._was_lost:
+            return
         self._state = state
         self._endpoint.update(self._marking(self._applied))
 
@@ -232,10 +232,35 @@ class RemoteStore(RdfStore):
         with self._applying:
             self._sequence += 1
             try:
+                if self._was_lost:
+                    self._check_return(commit)
+                self._was_lost = True
                 self._endpoint.update(" ;\n".join([*steps, self._marking(commit)]))
+                self._was_lost = False
                 self._applied = commit
             finally:
                 self._sequence += 1
+
+    def _check_return(self, commit: int) -> None:
+        """Makes sure that an endpoint that was lost has come back as it was.
+
+        It may have carried out the update whose answer was lost; to repeat that does no harm.
+        """
+        noted = self._noted()
+        at, owner = int(noted.get(_APPLIED, "0")), noted.get(_JOURNAL)
+        if at not in (self._applied, commit) or owner not in (None, self._journal()):
+            raise StorageFailed(
+                f"the store at {self._endpoint.address} came back at commit {at}, but was at "
+                f"{self._applied}: it has lost statements, or somebody else writes there. Restart "
+                "the board, which sees to it"
+            )
+
+    def _noted(self) -> dict[str, str]:
+        """The board's own notes."""
+        return {
+            str(row["p"]): str(getattr(row["o"], "value", ""))
+            for row in self._select(f"SELECT ?p ?o {{ GRAPH {META} {{ {META} ?p ?o }} }}")
+        }
 
     def _marking(self, commit: int) -> str:
         notes = f'{META} {_APPLIED} {commit} ; {_STATE} "{self._state}" '
