@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.mapping.voxel_cloud import VoxelCloud
+from fluentboard_modules.mapping.work_ahead import worked_in_parts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,16 +55,29 @@ def _moments(points: FloatArray) -> FloatArray:
     )
 
 
-@njit(cache=True, nogil=True)
 def _box_filtered(moments: FloatArray, neighbours: NDArray[np.int32]) -> FloatArray:
+    """`(n, 10)`; the moments of every voxel and of those around it."""
     total = moments.copy()
-    for row in range(len(moments)):
+    worked_in_parts(
+        lambda first, last: _add_neighbours(moments, neighbours, total, first, last), len(moments)
+    )
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _add_neighbours(
+    moments: FloatArray,
+    neighbours: NDArray[np.int32],
+    total: FloatArray,
+    first: int,
+    last: int,
+) -> None:
+    for row in range(first, last):
         for column in range(26):
             other = neighbours[row, column]
             if other >= 0:
                 for k in range(10):
                     total[row, k] += moments[other, k]
-    return total
 
 
 @njit(cache=True, nogil=True)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fluentboard.errors import InvalidFrame
 from fluentboard.model.geometry import FloatArray
+from fluentboard_modules.mapping.work_ahead import worked_in_parts
 
 _BITS = 21  # of a packed key, per axis: 20 km at 2 cm
 _HALF = 1 << (_BITS - 1)
@@ -108,12 +109,20 @@ class SceneCloud:
         """All occupied voxels, in the order in which they were first seen."""
         sums = self._sums[: self._n]
         counts = sums[:, 6]
+        keys = self._keys[: self._n]
+        neighbours = np.full((self._n, 26), -1, dtype=np.int32)
+        worked_in_parts(
+            lambda first, last: _find_neighbours(
+                keys, self._table_keys, self._table_rows, neighbours, first, last
+            ),
+            self._n,
+        )
         return VoxelCloud(
             voxel_m=self._voxel_m,
             points=sums[:, :3] / np.maximum(counts, 1.0)[:, None],
             counts=counts.astype(np.int64),
             towards_sensor=sums[:, 3:6].copy(),
-            neighbours=_neighbours(self._keys[: self._n], self._table_keys, self._table_rows),
+            neighbours=neighbours,
         )
 
     def _make_room(self, n_voxels: int) -> None:
@@ -196,10 +205,16 @@ def _insert(
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(keys: Keys, table_keys: Keys, table_rows: NDArray[np.int32]) -> NDArray[np.int32]:
-    """`(n, 26)`; rows of the voxels around each, -1 where there is none."""
-    found = np.full((len(keys), 26), -1, dtype=np.int32)
-    for row in range(len(keys)):
+def _find_neighbours(
+    keys: Keys,
+    table_keys: Keys,
+    table_rows: NDArray[np.int32],
+    found: NDArray[np.int32],
+    first: int,
+    last: int,
+) -> None:
+    """Fills in rows of `found` `(n, 26)`: the voxels around each; where there is none, it stays."""
+    for row in range(first, last):
         key = keys[row]
         column = 0
         for dx in range(-1, 2):
@@ -212,4 +227,3 @@ def _neighbours(keys: Keys, table_keys: Keys, table_rows: NDArray[np.int32]) -> 
                     if table_keys[slot] == other:
                         found[row, column] = table_rows[slot]
                     column += 1
-    return found

@@ -1,7 +1,8 @@
-"""Independent pieces of work in several threads, with the results in the order of the pieces."""
+"""Independent pieces of work in several threads; the results are those of one thread."""
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -43,3 +44,17 @@ def worked_ahead(
         finally:
             for _, result in waiting:
                 result.cancel()
+
+
+def worked_in_parts(work: Callable[[int, int], object], n_rows: int, threads: int = 2) -> None:
+    """Works on rows in as many equal parts as there are threads.
+
+    Args:
+        work: compiled; fills in the rows from the first to the one before the last, given so.
+        n_rows: of all.
+        threads: that work at the same time.
+    """
+    bounds = [n_rows * part // threads for part in range(threads + 1)]
+    with ThreadPoolExecutor(threads, thread_name_prefix="mapping") as pool:
+        for part in [pool.submit(work, a, b) for a, b in itertools.pairwise(bounds)]:
+            part.result()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from fluentboard_modules.mapping.work_ahead import worked_ahead
+from fluentboard_modules.mapping.work_ahead import worked_ahead, worked_in_parts
 
 
 def square(number: int) -> int:
@@ -45,3 +45,12 @@ def test_items_are_drawn_as_late_as_possible(threads: int, most: int) -> None:
 def test_what_goes_wrong_in_a_thread_is_raised() -> None:
     with pytest.raises(ZeroDivisionError):
         list(worked_ahead(lambda number: 1 // number, [1, 0, 2, 3], 2))
+
+
+@pytest.mark.parametrize(("n_rows", "threads"), [(0, 2), (1, 2), (7, 2), (8, 3)])
+def test_every_row_is_worked_on_once(n_rows: int, threads: int) -> None:
+    rows: list[int] = []
+
+    worked_in_parts(lambda first, last: rows.extend(range(first, last)), n_rows, threads)
+
+    assert sorted(rows) == list(range(n_rows))
