@@ -38,6 +38,15 @@ _PER_M2 = 100.0  # and of two of them the one that explains more says more
 
 
 @dataclass(frozen=True, slots=True)
+class Stand:
+    """A class of furniture somewhere, and the CAD model that says so, if one does."""
+
+    furniture: FurnitureClass
+    box: BoundingBox
+    fit: CadFit | None
+
+
+@dataclass(frozen=True, slots=True)
 class Candidate:
     """A hypothesis about planes of the map, placed and scored.
 
@@ -69,6 +78,11 @@ class Candidate:
     def key(self) -> tuple[str, int]:
         """The same for the same hypothesis in later frames."""
         return self.furniture.name, self.main_plane
+
+    @property
+    def stand(self) -> Stand:
+        """Where it stands."""
+        return Stand(self.furniture, self.geometry.box, self.fit)
 
     @property
     def preference(self) -> float:
@@ -242,12 +256,15 @@ def explains(piece: Candidate, other: Candidate, model: CadModel | None) -> bool
         other: the hypothesis.
         model: the model of the piece, None if it was made up.
     """
-    if piece.fit is None or not piece.fit.is_exact or not is_inside(other, piece.geometry.box):
+    region = other.planes[0].region
+    if piece.fit is None or not piece.fit.is_exact or len(other.planes) > 1:
+        return False
+    if not is_inside(region, piece.geometry.box):
         return False
     if model is None or not piece.furniture.has_room_below:
         return True
     # Below a top there is room for what is no part of it: chairs, and desks stand around them.
-    return lies_on(other.planes[0].region, model, piece.fit.pose)
+    return lies_on(region, model, piece.fit.pose)
 
 
 def lies_on(region: PlanarRegion, model: CadModel, pose: Pose) -> bool:
@@ -257,13 +274,26 @@ def lies_on(region: PlanarRegion, model: CadModel, pose: Pose) -> bool:
     return bool(np.mean(distance <= _INSIDE_M + _SURFACE_M) > 0.5)
 
 
-def is_inside(candidate: Candidate, box: BoundingBox) -> bool:
-    """Whether a hypothesis about a single plane is about something inside a box."""
-    if len(candidate.planes) > 1:
-        return False
-    centre = candidate.planes[0].region.centroid
-    local = box.pose.to_transform().inverse().apply(centre[None])[0]
+def is_inside(region: PlanarRegion, box: BoundingBox) -> bool:
+    """Whether a plane has its middle inside a box."""
+    local = box.pose.to_transform().inverse().apply(region.centroid[None])[0]
     return bool((abs(local) <= 0.5 * box.sizes + _INSIDE_M).all())
+
+
+def share_a_place(better: Stand, other: Stand, config: FurnitureMapConfig) -> bool:
+    """Whether two pieces are where only one can be; a chair may stand below a top."""
+    if not _share_heights(better.box, other.box):
+        return False
+    overlap = box_overlap(better.box, other.box)
+    are_exact = all(one.fit is not None and one.fit.is_exact for one in (better, other))
+    if better.furniture.name == other.furniture.name:
+        return overlap >= (config.exact_overlap if are_exact else config.same_place_overlap)
+    if better.fit is None:
+        return False
+    for seat, top in ((better, other), (other, better)):
+        if seat.furniture.back_planes and top.furniture.has_room_below:
+            return False
+    return overlap >= (config.exact_overlap if are_exact else config.other_place_overlap)
 
 
 def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -> bool:
@@ -280,40 +310,16 @@ def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -
                 same_class or plane.label != other.hypothesis.main_label
             ):
                 return True
-    if not _share_heights(better.geometry.box, other.geometry.box):
+    if better.is_pending and not same_class:
         return False
-    overlap = box_overlap(better.geometry.box, other.geometry.box)
-    are_exact = all(c.fit is not None and c.fit.is_exact for c in (better, other))
-    if same_class:
-        return overlap >= (config.exact_overlap if are_exact else config.same_place_overlap)
-    if better.is_pending or better.fit is None:
-        return False
-    for seat, top in ((better, other), (other, better)):
-        if seat.furniture.back_planes and top.furniture.has_room_below:
-            return False
-    return overlap >= (config.exact_overlap if are_exact else config.other_place_overlap)
+    return share_a_place(better.stand, other.stand, config)
 
 
-def takes_the_place(
-    piece: Candidate, other: FurnitureClass, box: BoundingBox, config: FurnitureMapConfig
-) -> bool:
-    """Whether a piece that is believed shows that one of another class is not there.
-
-    Args:
-        piece: chosen for its place.
-        other: class of the other.
-        box: of the other.
-        config: when two are at the same place.
-    """
-    if piece.is_pending or piece.score < config.accept_score or piece.furniture.name == other.name:
-        return False
-    for seat, top in ((piece.furniture, other), (other, piece.furniture)):
-        if seat.back_planes and top.has_room_below:
-            return False
-    return (
-        _share_heights(piece.geometry.box, box)
-        and box_overlap(piece.geometry.box, box) >= config.other_place_overlap
-    )
+def takes_the_place(piece: Candidate, other: Stand, config: FurnitureMapConfig) -> bool:
+    """Whether a piece that is believed shows that one of another class is not there."""
+    is_believed = not piece.is_pending and piece.score >= config.accept_score
+    is_another = piece.furniture.name != other.furniture.name
+    return is_believed and is_another and share_a_place(piece.stand, other, config)
 
 
 def _share_heights(a: BoundingBox, b: BoundingBox) -> bool:

@@ -8,18 +8,20 @@ outside and draws no random numbers: the same frames give the same furniture.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from fluentboard.model.geometry import BoundingBox
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.candidates import (
     Candidate,
+    Stand,
     believed,
     case_of,
     choose,
     is_inside,
     lies_on,
     place_candidate,
-    placing_area,
+    share_a_place,
     takes_the_place,
     with_verdicts,
 )
@@ -27,16 +29,20 @@ from fluentboard_modules.mapping.config import DepthNoiseConfig, FurnitureMapCon
 from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.furniture_change import differs
 from fluentboard_modules.mapping.furniture_item import (
+    CadFit,
     FurnitureChange,
     FurnitureItem,
     FurniturePlane,
     box_overlap,
 )
+from fluentboard_modules.mapping.furniture_track import Track, described
 from fluentboard_modules.mapping.judge import FurnitureJudge
 from fluentboard_modules.mapping.loose_planes import unexplained
 from fluentboard_modules.mapping.near_misses import NearMiss
 from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.plane_map import PlaneMap
+from fluentboard_modules.mapping.room_walls import is_in_wall, room_walls
+from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import (
     Classification,
     FurnitureHypothesis,
@@ -44,18 +50,7 @@ from fluentboard_modules.mapping.rules import (
     partial_hypotheses,
 )
 
-
-@dataclass(slots=True)
-class _Track:
-    """A piece of furniture in the making, or one already reported."""
-
-    item: FurnitureItem
-    main_plane: int
-    n_direct: int = 0
-    n_without: int = 0  # views in a row of its main plane without a hypothesis
-    is_accepted: bool = False
-    is_pending: bool = False  # its present hypothesis has still to be verified
-    reported: FurnitureItem | None = None
+_PIXELS_APART = 8  # of a depth image, where it is looked for what is behind walls
 
 
 class FurnitureMap:
@@ -79,9 +74,10 @@ class FurnitureMap:
         self._rules = rules
         self._config = config or FurnitureMapConfig()
         self._plane_map = PlaneMap(self._config.fusion, noise or DepthNoiseConfig())
-        self._tracks: list[_Track] = []
+        self._tracks: list[Track] = []
         self._numbers: dict[str, int] = {}
         self._stamp_s = 0.0
+        self._walls: list[PlanarRegion] = []
 
     def update(
         self,
@@ -127,7 +123,7 @@ class FurnitureMap:
             for candidate in self._candidates(identifiers, map_regions, verdict, settle=True)
         ]
         chosen = self._choose(candidates)
-        self._follow(chosen, candidates, set())
+        self._follow(chosen, candidates, set(), is_last=True)
         for track in self._tracks:
             if track.n_without > 0 and self._is_rejected(track):
                 track.n_without = self._config.patience_frames + 1
@@ -187,15 +183,23 @@ class FurnitureMap:
         ]
         if self._judge is None or not self._judge.is_on:
             return found
-        found = [candidate for candidate in found if not self._is_explained(candidate)]
+        found = [c for c in found if not self._is_explained(c.key, c.planes)]
         # What is not believed for lack of frames need not be verified yet.
         worth = [c for c in found if settle or c.score >= self._config.drop_score]
         self._judge.consider([case_of(c) for c in worth], all_of_them=settle)
+        self._walls = room_walls(regions, self._judge.views, _PIXELS_APART)
         return [
             verified
             for candidate in found
             for verified in with_verdicts(candidate, self._judge.verdicts(candidate.key))
+            if not self._is_in_wall(verified.fit, verified.geometry.box, candidate.furniture)
         ]
+
+    def _is_in_wall(self, fit: CadFit | None, box: BoundingBox, furniture: FurnitureClass) -> bool:
+        """Whether the walls, as far as they have been seen, leave no room for a CAD model."""
+        if fit is None or not fit.is_exact:
+            return False  # of planes alone the box is too uncertain
+        return is_in_wall(box, self._walls, may_touch=bool(furniture.front_planes))
 
     def _hypotheses(
         self, classification: Classification, regions: Sequence[PlanarRegion]
@@ -209,24 +213,29 @@ class FurnitureMap:
         ]
         return [*classification.hypotheses, *partial]
 
-    def _is_explained(self, candidate: Candidate) -> bool:
-        """Whether a single plane belongs to a piece that is known already."""
-        return any(
+    def _is_explained(self, key: tuple[str, int | None], planes: Sequence[FurniturePlane]) -> bool:
+        """Whether a single plane belongs to a piece that is known already.
+
+        Args:
+            key: class and main plane of what it is taken for.
+            planes: what speaks for that.
+        """
+        return len(planes) == 1 and any(
             track.is_accepted
-            and (track.item.class_name, self._plane_map.current(track.main_plane)) != candidate.key
-            and is_inside(candidate, track.item.box)
-            and self._has_face(track.item, candidate)
+            and (track.item.class_name, self._plane_map.current(track.main_plane)) != key
+            and is_inside(planes[0].region, track.item.box)
+            and self._has_face(track.item, planes[0].region)
             for track in self._tracks
         )
 
-    def _has_face(self, item: FurnitureItem, candidate: Candidate) -> bool:
+    def _has_face(self, item: FurnitureItem, region: PlanarRegion) -> bool:
         """Whether a plane within the box of a piece is a part of it: below a top there is room."""
         if item.cad is None or not item.cad.is_exact or self._judge is None:
             return False
         model = self._judge.model(item.cad.model)
         if model is None or not self._rules.rules.furniture[item.class_name].has_room_below:
             return True
-        return lies_on(candidate.planes[0].region, model, item.cad.pose)
+        return lies_on(region, model, item.cad.pose)
 
     def _choose(self, candidates: list[Candidate]) -> list[Candidate]:
         followed = {
@@ -241,6 +250,8 @@ class FurnitureMap:
         chosen: list[Candidate],
         candidates: list[Candidate],
         direct: set[tuple[str, int]],
+        *,
+        is_last: bool = False,
     ) -> None:
         """Joins this update's hypotheses with the pieces known so far."""
         free = list(chosen)
@@ -250,11 +261,8 @@ class FurnitureMap:
             if candidate is None:
                 # What is out of sight is not judged; what is gone is.
                 main_plane = self._plane_map.current(track.main_plane)
-                track.n_without += main_plane is None or main_plane in seen_now
-                furniture = self._rules.rules.furniture[track.item.class_name]
-                if any(
-                    takes_the_place(one, furniture, track.item.box, self._config) for one in chosen
-                ):
+                track.n_without += is_last or main_plane is None or main_plane in seen_now
+                if any(takes_the_place(one, self._stand(track), self._config) for one in chosen):
                     track.n_without = self._config.patience_frames + 1
                 continue
             free.remove(candidate)
@@ -266,7 +274,7 @@ class FurnitureMap:
             track.is_pending = candidate.is_pending
         for candidate in free:
             key = (candidate.hypothesis.class_name, candidate.main_plane)
-            track = _Track(
+            track = Track(
                 item=self._describe(candidate, candidates, None),
                 main_plane=candidate.main_plane,
                 n_direct=int(key in direct),
@@ -274,13 +282,13 @@ class FurnitureMap:
             )
             self._tracks.append(track)
 
-    def _is_rejected(self, track: _Track) -> bool:
+    def _is_rejected(self, track: Track) -> bool:
         """Whether verification came to speak against a piece that was believed in."""
         key = (track.item.class_name, self._plane_map.current(track.main_plane))
         verdicts = None if self._judge is None else self._judge.verdicts(key)
         return verdicts is not None and not any(verdict.is_accepted for verdict in verdicts)
 
-    def _match(self, track: _Track, free: list[Candidate]) -> Candidate | None:
+    def _match(self, track: Track, free: list[Candidate]) -> Candidate | None:
         """The hypothesis about the same main plane, or else about the same place."""
         same_class = [
             candidate
@@ -305,30 +313,16 @@ class FurnitureMap:
         return best[1] if best[0] >= self._config.same_place_overlap else None
 
     def _describe(
-        self, candidate: Candidate, candidates: list[Candidate], track: _Track | None
+        self, candidate: Candidate, candidates: list[Candidate], track: Track | None
     ) -> FurnitureItem:
-        seen_now = candidate.main_plane in self._plane_map.planes_seen_last
-        return FurnitureItem(
-            identifier="" if track is None else track.item.identifier,
-            class_name=candidate.hypothesis.class_name,
-            pose=candidate.geometry.pose,
-            box=candidate.geometry.box,
-            placing_area=placing_area(candidate, self._config.hypotheses),
-            score=candidate.score,
-            n_frames=candidate.n_frames,
-            n_direct=0 if track is None else track.n_direct,
-            planes=candidate.planes,
-            rules=candidate.hypothesis.rules,
-            alternatives=tuple(
-                other.hypothesis.class_name
-                for other in candidates
-                if other.main_plane == candidate.main_plane
-                and other.hypothesis.class_name != candidate.hypothesis.class_name
-            ),
-            first_seen_s=self._stamp_s if track is None else track.item.first_seen_s,
-            last_seen_s=(self._stamp_s if track is None or seen_now else track.item.last_seen_s),
-            cad=candidate.fit,
-            frames_s=self._frames_of(candidate),
+        return described(
+            candidate,
+            candidates,
+            track,
+            self._stamp_s,
+            self._frames_of(candidate),
+            self._config.hypotheses,
+            is_seen=candidate.main_plane in self._plane_map.planes_seen_last,
         )
 
     def _frames_of(self, candidate: Candidate) -> tuple[float, ...]:
@@ -339,7 +333,7 @@ class FurnitureMap:
 
     def _report(self) -> list[FurnitureChange]:
         changes: list[FurnitureChange] = []
-        kept: list[_Track] = []
+        kept: list[Track] = []
         explained = {
             self._plane_map.current(track.main_plane)
             for track in self._tracks
@@ -349,7 +343,8 @@ class FurnitureMap:
             main_plane = self._plane_map.current(track.main_plane)
             lost = track.n_without > self._config.patience_frames or (
                 # Nothing to wait for: the plane is gone, or is something else by now.
-                track.n_without > 0 and (main_plane is None or main_plane in explained)
+                track.n_without > 0
+                and (main_plane is None or main_plane in explained or self._is_no_more(track))
             )
             if track.is_accepted and (lost or track.item.score < self._config.drop_score):
                 changes.append(FurnitureChange("disappeared", track.item))
@@ -377,6 +372,27 @@ class FurnitureMap:
                 changes.append(FurnitureChange("changed", track.item))
         self._tracks = kept
         return changes
+
+    def _is_no_more(self, track: Track) -> bool:
+        """Whether what has no hypothesis is in a wall, in the place of another, or a part of it."""
+        item = track.item
+        furniture = self._rules.rules.furniture
+        return (
+            self._is_in_wall(item.cad, item.box, furniture[item.class_name])
+            or self._is_explained(
+                (item.class_name, self._plane_map.current(track.main_plane)), item.planes
+            )
+            or any(
+                other.n_without == 0
+                and other.is_accepted
+                and share_a_place(self._stand(other), self._stand(track), self._config)
+                for other in self._tracks
+            )
+        )
+
+    def _stand(self, track: Track) -> Stand:
+        item = track.item
+        return Stand(self._rules.rules.furniture[item.class_name], item.box, item.cad)
 
     def _has_changed(self, old: FurnitureItem, new: FurnitureItem) -> bool:
         order = self._rules.rules.furniture[new.class_name].symmetry_order

@@ -31,12 +31,15 @@ _BACK_M = 20.0  # so far that nothing in the room is near
 _VIEWS_MAX = 60
 
 
-def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> list[PlanarRegion]:
+def room_walls(
+    regions: Sequence[PlanarRegion], views: Sequence[DepthView], every: int = 1
+) -> list[PlanarRegion]:
     """Those of the regions that are walls.
 
     Args:
         regions: planar regions in the map frame.
         views: depth images; all of a single look, or of a whole room.
+        every: how many points one of them stands for.
     """
     upright = [
         region
@@ -44,13 +47,14 @@ def room_walls(regions: Sequence[PlanarRegion], views: Sequence[DepthView]) -> l
         if abs(float(region.normal[2])) < _UPRIGHT and region.area_m2 >= _LEAST_M2
     ]
     chosen = views[:: max(1, -(-len(views) // _VIEWS_MAX))]
-    total = sum(len(view.points_map) for view in chosen)
+    total = sum(len(view.points_map[::every]) for view in chosen)
     planes = np.array([[*one.normal, one.normal @ one.centroid] for one in upright])
     behind = np.zeros(len(upright), dtype=np.int64)
     for view in chosen if upright else ():
-        sigma = view.sigma_m[view.depth_m > 0.0]
+        points = np.ascontiguousarray(view.points_map[::every])
+        sigma = view.sigma_m[view.depth_m > 0.0][::every]
         limits = np.maximum(_BEHIND_M, _BEHIND_SIGMAS * sigma)
-        add_points_behind(view.points_map, limits, planes, behind, _BEHIND_SHARE * total)
+        add_points_behind(points, limits, planes, behind, _BEHIND_SHARE * total)
     return [
         region
         for region, count in zip(upright, behind.tolist(), strict=True)
