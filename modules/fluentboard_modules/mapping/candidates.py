@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from fluentboard_modules.mapping.config import (
     FurnitureMapConfig,
     HypothesisConfig,
 )
-from fluentboard_modules.mapping.existence import supported_belief, verified_belief
+from fluentboard_modules.mapping.existence import verified_belief
 from fluentboard_modules.mapping.furniture_item import CadFit, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.hypotheses import (
     FurnitureGeometry,
@@ -27,6 +28,8 @@ from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.rule_language import FurnitureClass
 from fluentboard_modules.mapping.rules import FurnitureHypothesis
 from fluentboard_modules.mapping.verify import Verdict
+
+_Value = TypeVar("_Value", int, float)
 
 _LEVEL = 0.7  # of a normal's z
 _INSIDE_M = 0.05
@@ -56,7 +59,7 @@ class Candidate:
         geometry: where it is.
         main_plane: identifier of its main plane in the map.
         planes: what explains it, the main plane first.
-        score: belief by the frames that support it, in [0, 1].
+        score: belief in the least believed of its planes, in [0, 1].
         n_frames: that saw the least seen of its planes.
         fit: the CAD model that explains it, None before verification.
         is_pending: whether it has still to be verified.
@@ -102,7 +105,7 @@ def place_candidate(
     identifiers: Sequence[int],
     regions: Sequence[PlanarRegion],
     frames_of: Mapping[int, int],
-    existence: float,
+    belief_in: Mapping[int, float],
     config: FurnitureMapConfig,
 ) -> Candidate:
     """A hypothesis with its place and the support of its planes.
@@ -113,8 +116,8 @@ def place_candidate(
         identifiers: of the regions' planes in the map.
         regions: planes of the map.
         frames_of: per plane identifier the frames that saw it.
-        existence: belief that its main plane is still there.
-        config: how support becomes belief.
+        belief_in: per plane identifier the belief that it is there.
+        config: of first poses.
     """
     geometry = place_hypothesis(hypothesis, furniture, regions, config.hypotheses)
     parts = tuple(
@@ -128,16 +131,18 @@ def place_candidate(
         # Of several backrests only the one that gave the direction explains the chair.
         if part.label not in furniture.back_planes or geometry.back_plane in (None, part.plane)
     )
-    n_frames = _support(parts)
     return Candidate(
         hypothesis,
         furniture,
         geometry,
         identifiers[hypothesis.main_plane],
         parts,
-        # It is there if its main plane is, and what it is said to be as far as all parts were seen.
-        min(existence, supported_belief(n_frames, config.fusion.existence)),
-        n_frames,
+        # It is there if its main plane is, and what it is said to be if all of its parts are.
+        min(
+            belief_in[identifiers[hypothesis.main_plane]],
+            _of_least_kind((part.label, belief_in[part.identifier]) for part in parts),
+        ),
+        _of_least_kind((part.label, part.n_frames) for part in parts),
     )
 
 
@@ -327,9 +332,9 @@ def _share_heights(a: BoundingBox, b: BoundingBox) -> bool:
     return abs(a.pose.z - b.pose.z) < 0.5 * (a.z_size + b.z_size)
 
 
-def _support(planes: tuple[FurniturePlane, ...]) -> int:
-    """Frames that saw the least seen kind of plane; of several for one label the best counts."""
-    best: dict[str, int] = {}
-    for plane in planes:
-        best[plane.label] = max(best.get(plane.label, 0), plane.n_frames)
+def _of_least_kind(values: Iterable[tuple[str, _Value]]) -> _Value:
+    """The value of the least seen kind of plane; of several for one label the best counts."""
+    best: dict[str, _Value] = {}
+    for label, value in values:
+        best[label] = max(best.get(label, value), value)
     return min(best.values())

@@ -11,36 +11,55 @@ from fluentboard_modules.settings import Settings
 
 
 class ExistenceConfig(Settings):
-    """Belief that something is there, per frame that could have shown it.
+    """Belief that something is there, per look that could have shown it.
 
-    The rates are nearer to each other than those of single frames, because the errors of frames
-    that follow each other are alike: a backrest that is overlooked once is overlooked again.
-    Measured in six simulated rooms (`python -m bench existence`): a frame shows 83 % of what is
-    there and sees through 2 %; of what was removed it sees through 87 %. So alike are successive
-    frames that one is worth log-odds of 0.63 (shown) and 0.44 (seen through); the rates below stand
-    for 0.56 and 0.69, so that what was carried away is not believed in for ten frames more.
+    The shares are those of six simulated rooms (`python -m bench existence`): 83 % of the looks
+    show what is there and 2 % see through it; of what was removed 87 % see through its place. How
+    alike looks are makes what 77 planes showed in 980 looks most likely: e^191 times as likely as
+    if looks were independent.
     """
 
     prior: float = Field(
-        default=0.13, gt=0.0, lt=1.0, description="Before any frame; five frames make it 0.71."
+        default=0.1,
+        gt=0.0,
+        lt=1.0,
+        description="Before any look; three of a drive make it 0.6, seven from one place do.",
     )
-    detection_rate: float = Field(
-        default=0.7, gt=0.0, lt=1.0, description="Frames that show it if it is there and in sight."
+    shown_if_there: float = Field(
+        default=0.83, gt=0.0, lt=1.0, description="Looks that show it if it is there and in sight."
     )
-    false_alarm_rate: float = Field(
-        default=0.4, gt=0.0, lt=1.0, description="Frames that seem to show it if it is not there."
+    shown_if_gone: float = Field(
+        default=0.09, gt=0.0, lt=1.0, description="Looks that seem to show it if it is not there."
+    )
+    through_if_there: float = Field(
+        default=0.02, gt=0.0, lt=1.0, description="Looks that see through it if it is there."
+    )
+    through_if_gone: float = Field(
+        default=0.87, gt=0.0, lt=1.0, description="Looks that see through its place if it is not."
+    )
+    own_looks: float = Field(
+        default=0.25,
+        gt=0.0,
+        description="Looks that the shares above are worth, beside earlier ones from there.",
+    )
+    alike: float = Field(
+        default=0.35,
+        gt=0.0,
+        description="A sensor that has moved by so much of its distance sees 1/e of the same.",
     )
     belief_max: float = Field(
         default=0.97,
         gt=0.5,
         lt=1.0,
-        description="However many frames; from there, seven that see through it make it 0.2.",
+        description="However many looks; from there, three that see through it make it 0.3.",
     )
 
     @model_validator(mode="after")
     def _tells(self) -> ExistenceConfig:
-        if self.detection_rate <= self.false_alarm_rate:
-            raise ValueError("detection_rate must be more than false_alarm_rate")
+        if self.shown_if_there <= self.shown_if_gone:
+            raise ValueError("shown_if_there must be more than shown_if_gone")
+        if self.through_if_gone <= self.through_if_there:
+            raise ValueError("through_if_gone must be more than through_if_there")
         return self
 
 

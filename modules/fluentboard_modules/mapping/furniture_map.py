@@ -169,14 +169,16 @@ class FurnitureMap:
     ) -> list[Candidate]:
         """The hypotheses about planes of the map, placed, verified as far as they are due."""
         planes = self._plane_map.planes
+        n_frames = {identifier: plane.n_frames for identifier, plane in planes.items()}
+        beliefs = {identifier: plane.existence for identifier, plane in planes.items()}
         found = [
             place_candidate(
                 hypothesis,
                 self._rules.rules.furniture[hypothesis.class_name],
                 identifiers,
                 regions,
-                {identifier: plane.n_frames for identifier, plane in planes.items()},
-                planes[identifiers[hypothesis.main_plane]].existence,
+                n_frames,
+                beliefs,
                 self._config,
             )
             for hypothesis in self._hypotheses(classification, regions)

@@ -11,12 +11,7 @@ from numpy.typing import NDArray
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import FusionConfig
-from fluentboard_modules.mapping.existence import (
-    after_detections,
-    after_misses,
-    log_odds,
-    probability,
-)
+from fluentboard_modules.mapping.existence import ExistenceBelief
 from fluentboard_modules.mapping.grid_outline import (
     covered_cells,
     outline_of_cells,
@@ -55,7 +50,7 @@ class MapPlane:
         n_unnoticed: frames that had it in view but found no region there.
         n_points: depth pixels over all frames.
         last_seen: number of the update that last saw it.
-        odds: log-odds of the belief that it is there.
+        belief: that it is there; None before the first look.
         stamps_s: of the frames that saw it, oldest first; the last `stamps_max`.
         sensor_position: `(3,)`; where the sensor last saw it from.
     """
@@ -77,7 +72,7 @@ class MapPlane:
     n_unnoticed: int = 0
     n_points: int = 0
     last_seen: int = 0
-    odds: float | None = None
+    belief: ExistenceBelief | None = None
     stamps_s: list[float] = field(default_factory=list[float])
     sensor_position: FloatArray = field(default_factory=lambda: np.zeros(3))
     _region: PlanarRegion | None = None
@@ -184,7 +179,7 @@ class MapPlane:
         if self.last_seen != update or self.n_frames == 0:
             self.n_frames += 1
             self.n_confirmed += 1
-            self.odds = after_detections(self._odds, 1, self.config.existence)
+            self._believe(True, region.sensor_position)
             self.stamps_s = [*self.stamps_s[1 - self.config.stamps_max :], stamp_s]
         self.last_seen = update
         self.sensor_position = region.sensor_position
@@ -217,7 +212,8 @@ class MapPlane:
         self.excess_sum += other.excess_sum
         self.excess_weight += other.excess_weight
         self.n_frames = max(self.n_frames, other.n_frames)
-        self.odds = max(self._odds, other._odds)
+        if other.belief is not None and other.existence > self.existence:
+            self.belief = other.belief.copy()
         stamps_s = sorted({*self.stamps_s, *other.stamps_s})
         self.stamps_s = stamps_s[-self.config.stamps_max :]
         self.n_missed = min(self.n_missed, other.n_missed)
@@ -227,14 +223,19 @@ class MapPlane:
         self.last_seen = max(self.last_seen, other.last_seen)
         self._fit = self._solid = self._region = None
 
-    def judge(self, view: Visibility) -> None:
-        """Counts a frame for or against the plane as a whole."""
+    def judge(self, view: Visibility, sensor_position: FloatArray) -> None:
+        """Counts a frame against the plane as a whole if it sees through it.
+
+        Args:
+            view: how the frame saw its cells.
+            sensor_position: `(3,)`; from where, in the map frame.
+        """
         solid = int(np.count_nonzero(self.solid))
         if view.seen or view.expected < self.config.judged_share * solid:
             return
         if view.seen_through >= self.config.missed_share * view.expected:
             self.n_missed += 1
-            self.odds = after_misses(self._odds, 1, self.config.existence)
+            self._believe(False, sensor_position)
         else:
             self.n_unnoticed += 1
         if self.n_confirmed + self.n_missed > self.config.memory_frames:
@@ -252,11 +253,12 @@ class MapPlane:
     @property
     def existence(self) -> float:
         """Belief that it is there, by the frames that saw it and those that saw through it."""
-        return probability(self._odds)
+        return self.config.existence.prior if self.belief is None else self.belief.probability
 
-    @property
-    def _odds(self) -> float:
-        return log_odds(self.config.existence.prior) if self.odds is None else self.odds
+    def _believe(self, shows: bool, sensor_position: FloatArray) -> None:
+        if self.belief is None:
+            self.belief = ExistenceBelief(self.config.existence)
+        self.belief.take(shows, (sensor_position - self.T_map_grid.translation).tolist())
 
     def look(
         self,

@@ -180,7 +180,7 @@ class PlaneMap:
             if view.expected == 0:
                 continue
             views[identifier] = view
-            plane.judge(view)
+            plane.judge(view, frame.T_map_sensor.translation)
         return views
 
     def _forget(self) -> None:

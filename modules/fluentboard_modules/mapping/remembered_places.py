@@ -16,12 +16,7 @@ from fluentboard.model.fluent import Fluent
 from fluentboard.model.geometry import FloatArray, Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import FusionConfig
-from fluentboard_modules.mapping.existence import (
-    after_detections,
-    after_misses,
-    log_odds,
-    probability,
-)
+from fluentboard_modules.mapping.existence import ExistenceBelief, log_odds
 from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
 from fluentboard_modules.mapping.plane_grid import MapPlane
 
@@ -50,15 +45,17 @@ class RememberedPlaces:
         self._planes = {name: _map_plane(region, config) for name, region in planes.items()}
         known, highest = beliefs or {}, config.existence.belief_max
         self._before = {name: log_odds(known.get(name, highest)) for name in self._planes}
-        self._odds = dict(self._before)
+        self._beliefs = {
+            name: ExistenceBelief(config.existence, odds) for name, odds in self._before.items()
+        }
 
     @property
     def doubts(self) -> dict[str, float]:
         """What is left of the belief in pieces that are less believed in than before this run."""
         return {
-            name: probability(odds)
-            for name, odds in self._odds.items()
-            if odds < self._before[name]
+            name: belief.probability
+            for name, belief in self._beliefs.items()
+            if belief.odds < self._before[name]
         }
 
     def look(self, frame: SensorFrame, unseen: Iterable[str]) -> set[str]:
@@ -77,13 +74,12 @@ class RememberedPlaces:
             view = plane.look(frame, T_sensor_map, self._config.see_through_m, None)
             if view.expected < self._config.judged_share * np.count_nonzero(plane.hits):
                 continue
-            if view.seen_through >= self._config.missed_share * view.expected:
-                self._odds[name] = after_misses(self._odds[name], 1, self._config.existence)
-            else:
-                self._odds[name] = after_detections(self._odds[name], 1, self._config.existence)
-            if probability(self._odds[name]) < self._gone_below:
+            shows = view.seen_through < self._config.missed_share * view.expected
+            eye = frame.T_map_sensor.translation - plane.T_map_grid.translation
+            self._beliefs[name].take(shows, eye.tolist())
+            if self._beliefs[name].probability < self._gone_below:
                 gone.add(name)
-                del self._planes[name], self._odds[name]
+                del self._planes[name], self._beliefs[name]
         return gone
 
 

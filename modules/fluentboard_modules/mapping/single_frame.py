@@ -310,7 +310,7 @@ class _Search:
             range(n_regions),
             self._regions,
             dict.fromkeys(range(n_regions), _MANY_FRAMES),
-            1.0,
+            dict.fromkeys(range(n_regions), 1.0),
             self._config.furniture,
         )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -11,12 +12,9 @@ from fluentboard.model.fluent import Fluent, Property
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.config import ExistenceConfig, FusionConfig
 from fluentboard_modules.mapping.existence import (
-    after_detections,
-    after_misses,
+    ExistenceBelief,
     combined_belief,
-    log_odds,
     probability,
-    supported_belief,
     verified_belief,
 )
 from fluentboard_modules.mapping.remembered_places import RememberedPlaces, remembered_planes
@@ -25,29 +23,76 @@ CONFIG = ExistenceConfig()
 Render = Callable[..., SensorFrame]
 
 
+AROUND = [(2.0 * math.cos(k), 2.0 * math.sin(k), 0.7) for k in range(6)]
+"""Places around a thing, each far from the others."""
+
+
+def after(looks: Iterable[tuple[bool, Sequence[float]]], odds: float | None = None) -> float:
+    """Log-odds after some looks."""
+    belief = ExistenceBelief(CONFIG, odds)
+    for shows, eye in looks:
+        belief.take(shows, eye)
+    return belief.odds
+
+
 def test_cad_file_that_agrees_makes_up_for_few_frames() -> None:
-    seen_twice = supported_belief(2, CONFIG)
+    seen_twice = probability(after([(True, (2.0, 0.0, 0.7)), (True, (2.0, 0.4, 0.7))]))
     assert verified_belief(seen_twice, 0.99, CONFIG) > 0.9 > 0.6 > seen_twice
     assert verified_belief(seen_twice, 0.5, CONFIG) == pytest.approx(seen_twice)
-    assert verified_belief(seen_twice, 0.0, CONFIG) < 0.02
+    assert verified_belief(seen_twice, 0.0, CONFIG) < 0.05
     assert verified_belief(1.0 - 1e-9, 1.0, CONFIG) == pytest.approx(CONFIG.belief_max)
 
 
-def test_belief_follows_bayes() -> None:
-    odds = after_misses(after_detections(log_odds(0.5), 2, CONFIG), 1, CONFIG)
-    there = 0.7 * 0.7 * 0.3
-    not_there = 0.4 * 0.4 * 0.6
-    assert probability(odds) == pytest.approx(there / (there + not_there))
+def test_looks_from_all_around_follow_bayes() -> None:
+    odds = after([(True, AROUND[0]), (False, AROUND[2]), (True, AROUND[4])], 0.0)
+    there = CONFIG.shown_if_there**2 * CONFIG.through_if_there
+    not_there = CONFIG.shown_if_gone**2 * CONFIG.through_if_gone
+    assert probability(odds) == pytest.approx(there / (there + not_there), abs=0.01)
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_looks_from_one_place_say_less_and_less(shows: bool) -> None:
+    belief = ExistenceBelief(CONFIG, 0.0)
+    steps: list[float] = []
+    for _ in range(6):
+        before = belief.odds
+        belief.take(shows, (2.0, 0.3, 0.7))
+        steps.append(abs(belief.odds - before))
+    assert steps == sorted(steps, reverse=True)
+    assert steps[1] < 0.2 * steps[0]
+
+
+def test_a_look_from_the_other_side_counts_in_full() -> None:
+    near, far = (2.0, 0.3, 0.7), (-2.0, 0.3, 0.7)
+    once = after([(True, near)], -3.0)
+    assert after([(True, near), (True, far)], -3.0) - once > 0.9 * (once + 3.0)
+
+
+def test_a_look_of_a_drive_says_some_of_what_an_independent_one_does() -> None:
+    drive = [(True, (2.0 * math.cos(0.25 * k), 2.0 * math.sin(0.25 * k), 0.7)) for k in range(9)]
+    odds = [after(drive[:n], 0.0) for n in range(1, 6)]
+    assert 0.05 * odds[0] < (odds[4] - odds[0]) / 4.0 < 0.3 * odds[0]
 
 
 def test_belief_is_never_certain() -> None:
-    assert supported_belief(10_000, CONFIG) == pytest.approx(CONFIG.belief_max)
-    assert probability(after_misses(0.0, 10_000, CONFIG)) == pytest.approx(1 - CONFIG.belief_max)
+    assert probability(after([(True, eye) for eye in AROUND])) == pytest.approx(CONFIG.belief_max)
+    gone = after([(False, eye) for eye in AROUND])
+    assert probability(gone) == pytest.approx(1.0 - CONFIG.belief_max)
 
 
 def test_few_frames_of_an_empty_place_end_the_belief_of_many() -> None:
-    odds = after_detections(log_odds(CONFIG.prior), 10_000, CONFIG)
-    assert probability(after_misses(odds, 7, CONFIG)) < 0.3
+    belief = ExistenceBelief(CONFIG)
+    for number in range(100):
+        belief.take(True, AROUND[number % 6])
+    for step in range(4):
+        belief.take(False, (2.0, 0.3 * step, 0.7))
+    assert belief.probability < 0.3
+
+
+def test_a_single_look_past_it_ends_no_belief() -> None:
+    seen = [(True, eye) for eye in AROUND]
+    assert 0.3 < probability(after([*seen, (False, AROUND[0])])) < 0.6
+    assert probability(after([*seen, (False, AROUND[0]), (True, AROUND[0])])) > 0.8
 
 
 def test_beliefs_of_two_runs_add_up() -> None:
@@ -56,8 +101,10 @@ def test_beliefs_of_two_runs_add_up() -> None:
 
 
 def test_rates_that_tell_nothing_are_refused() -> None:
-    with pytest.raises(ValueError, match="detection_rate"):
-        ExistenceConfig(detection_rate=0.4)
+    with pytest.raises(ValueError, match="shown_if_there"):
+        ExistenceConfig(shown_if_there=0.05)
+    with pytest.raises(ValueError, match="through_if_gone"):
+        ExistenceConfig(through_if_gone=0.01)
 
 
 def table_place(beliefs: dict[str, float] | None = None) -> RememberedPlaces:
@@ -92,13 +139,13 @@ def gone_after(place: RememberedPlaces, frame: SensorFrame, looks: int) -> int |
 def test_remembered_table_that_is_seen_through_is_gone(
     place: RememberedPlaces, render: Render
 ) -> None:
-    assert gone_after(place, render([]), 20) == 7
+    assert gone_after(place, render([]), 20) == 10
 
 
 def test_doubt_of_one_run_counts_in_the_next(place: RememberedPlaces, render: Render) -> None:
     assert place.doubts == {}
     assert gone_after(place, render([]), 4) is None
-    assert gone_after(table_place(place.doubts), render([]), 20) == 3
+    assert gone_after(table_place(place.doubts), render([]), 20) == 1
 
 
 def test_remembered_table_that_stands_there_stays(

@@ -84,7 +84,7 @@ def test_its_evidence_is_told(table_seen: tuple[FurnitureMap, list[FurnitureChan
 
     assert table.n_frames == 14
     assert table.n_direct >= 10
-    assert table.score > 0.9
+    assert table.score > 0.6  # all from one side
     assert table.rules == ("TablePlaneRule",)
     assert table.planes[0].label == "TablePlane"
     assert "Desk" in table.alternatives
