@@ -293,8 +293,6 @@ def share_a_place(better: Stand, other: Stand, config: FurnitureMapConfig) -> bo
     are_exact = all(one.fit is not None and one.fit.is_exact for one in (better, other))
     if better.furniture.name == other.furniture.name:
         return overlap >= (config.exact_overlap if are_exact else config.same_place_overlap)
-    if better.fit is None:
-        return False
     for seat, top in ((better, other), (other, better)):
         if seat.furniture.back_planes and top.furniture.has_room_below:
             return False
@@ -315,7 +313,7 @@ def _excludes(better: Candidate, other: Candidate, config: FurnitureMapConfig) -
                 same_class or plane.label != other.hypothesis.main_label
             ):
                 return True
-    if better.is_pending and not same_class:
+    if not same_class and (better.is_pending or better.fit is None):
         return False
     return share_a_place(better.stand, other.stand, config)
 

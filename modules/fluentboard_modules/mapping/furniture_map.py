@@ -116,6 +116,10 @@ class FurnitureMap:
         Returns:
             The pieces that appeared, changed or disappeared.
         """
+        # What the first pass believes in explains planes of others in the second.
+        return [*self._settle_once(), *self._settle_once()]
+
+    def _settle_once(self) -> list[FurnitureChange]:
         identifiers, map_regions, verdict = self.classified_planes(explain=False)
         # Nothing more will come that could speak for them.
         candidates = [
@@ -216,15 +220,10 @@ class FurnitureMap:
         return [*classification.hypotheses, *partial]
 
     def _is_explained(self, key: tuple[str, int | None], planes: Sequence[FurniturePlane]) -> bool:
-        """Whether a single plane belongs to a piece that is known already.
-
-        Args:
-            key: class and main plane of what it is taken for.
-            planes: what speaks for that.
-        """
+        """Whether the single plane of a hypothesis belongs to a piece that is known already."""
         return len(planes) == 1 and any(
             track.is_accepted
-            and (track.item.class_name, self._plane_map.current(track.main_plane)) != key
+            and self._key(track) != key
             and is_inside(planes[0].region, track.item.box)
             and self._has_face(track.item, planes[0].region)
             for track in self._tracks
@@ -240,11 +239,7 @@ class FurnitureMap:
         return lies_on(region, model, item.cad.pose)
 
     def _choose(self, candidates: list[Candidate]) -> list[Candidate]:
-        followed = {
-            (track.item.class_name, self._plane_map.current(track.main_plane))
-            for track in self._tracks
-            if track.is_accepted
-        }
+        followed = {self._key(track) for track in self._tracks if track.is_accepted}
         return choose(candidates, followed, self._config)
 
     def _follow(
@@ -286,8 +281,7 @@ class FurnitureMap:
 
     def _is_rejected(self, track: Track) -> bool:
         """Whether verification came to speak against a piece that was believed in."""
-        key = (track.item.class_name, self._plane_map.current(track.main_plane))
-        verdicts = None if self._judge is None else self._judge.verdicts(key)
+        verdicts = None if self._judge is None else self._judge.verdicts(self._key(track))
         return verdicts is not None and not any(verdict.is_accepted for verdict in verdicts)
 
     def _match(self, track: Track, free: list[Candidate]) -> Candidate | None:
@@ -368,7 +362,12 @@ class FurnitureMap:
             elif (
                 track.is_accepted
                 and track.reported is not None
-                and self._has_changed(track.reported, track.item)
+                and differs(
+                    track.reported,
+                    track.item,
+                    self._stand(track).furniture.symmetry_order,
+                    self._config,
+                )
             ):
                 track.reported = track.item
                 changes.append(FurnitureChange("changed", track.item))
@@ -377,17 +376,14 @@ class FurnitureMap:
 
     def _is_no_more(self, track: Track) -> bool:
         """Whether what has no hypothesis is in a wall, in the place of another, or a part of it."""
-        item = track.item
-        furniture = self._rules.rules.furniture
+        stand, item = self._stand(track), track.item
         return (
-            self._is_in_wall(item.cad, item.box, furniture[item.class_name])
-            or self._is_explained(
-                (item.class_name, self._plane_map.current(track.main_plane)), item.planes
-            )
+            self._is_in_wall(stand.fit, stand.box, stand.furniture)
+            or self._is_explained(self._key(track), item.planes)
             or any(
                 other.n_without == 0
                 and other.is_accepted
-                and share_a_place(self._stand(other), self._stand(track), self._config)
+                and share_a_place(self._stand(other), stand, self._config)
                 for other in self._tracks
             )
         )
@@ -396,9 +392,9 @@ class FurnitureMap:
         item = track.item
         return Stand(self._rules.rules.furniture[item.class_name], item.box, item.cad)
 
-    def _has_changed(self, old: FurnitureItem, new: FurnitureItem) -> bool:
-        order = self._rules.rules.furniture[new.class_name].symmetry_order
-        return differs(old, new, order, self._config)
+    def _key(self, track: Track) -> tuple[str, int | None]:
+        """Class and main plane, as of a candidate."""
+        return track.item.class_name, self._plane_map.current(track.main_plane)
 
     def _new_identifier(self, class_name: str) -> str:
         number = self._numbers.get(class_name, 0) + 1

@@ -70,8 +70,8 @@ def is_in_wall(
     Args:
         piece: upright box in the map frame.
         walls: from `room_walls`.
-        may_touch: whether one along its front may run through it: the backs of shelves look like
-            walls.
+        may_touch: whether a small one along its front may run through it: the backs of shelves
+            look like walls.
     """
     inner = Polygon(piece.corners()[[0, 2, 6, 4], :2]).buffer(-_INTO_M)
     middle = (piece.pose.x, piece.pose.y)
@@ -80,9 +80,12 @@ def is_in_wall(
         low, _, high, _ = wall.contour.bounds
         ends = wall.T_map_region.apply(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]]))
         line = LineString(ends[:, :2])
-        along = abs(float(wall.normal[:2] @ front)) > _PARALLEL
-        crosses = line.intersection(inner).length > _ACROSS_M and not (may_touch and along)
         depth = float(wall.normal[:2] @ (np.array(middle) - wall.centroid[:2]))
+        along = abs(float(wall.normal[:2] @ front)) > _PARALLEL
+        # A large one is no back of a shelf, unless it is where the back is.
+        is_back = wall.area_m2 < _CERTAIN_M2 or depth > 0.5 * piece.x_size - _INTO_M
+        may_cross = may_touch and along and is_back
+        crosses = line.intersection(inner).length > _ACROSS_M and not may_cross
         if crosses or depth < -_INTO_M:  # nothing at all was seen behind it
             return True
     return False

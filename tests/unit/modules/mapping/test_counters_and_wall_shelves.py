@@ -9,7 +9,7 @@ import pytest
 from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.frames.sensor_frame import SensorFrame
 from fluentboard_modules.mapping.cad_library import CadLibrary
-from fluentboard_modules.mapping.candidates import place_candidate, takes_the_place
+from fluentboard_modules.mapping.candidates import Stand, place_candidate, takes_the_place
 from fluentboard_modules.mapping.config import (
     DepthNoiseConfig,
     FurnitureMapConfig,
@@ -160,10 +160,10 @@ def test_a_counter_takes_the_place_of_a_cabinet_but_not_of_a_shelf_above_it(
     )
     classes = furniture_rules.rules.furniture
     counter = place_candidate(
-        hypothesis, classes["Counter"], [0, 1], doors, {0: 20, 1: 20}, 1.0, config
+        hypothesis, classes["Counter"], [0, 1], doors, {0: 20, 1: 20}, {0: 1.0, 1: 1.0}, config
     )
     low, high = (0.0, 0.9) if class_name == "Cabinet" else (1.06, 1.1)
     at = Pose.from_rpy(aside_m, 1.7, 0.5 * (low + high))
 
     box = BoundingBox(at, 1.0, 0.5, high - low)
-    assert takes_the_place(counter, classes[class_name], box, config) == is_gone
+    assert takes_the_place(counter, Stand(classes[class_name], box, None), config) == is_gone

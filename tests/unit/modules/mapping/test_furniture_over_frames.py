@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fluentboard.model.geometry import BoundingBox, Pose
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.candidates import Stand, share_a_place
 from fluentboard_modules.mapping.config import FurnitureMapConfig, SurfacesConfig
-from fluentboard_modules.mapping.furniture_item import FurnitureChange, FurnitureItem
+from fluentboard_modules.mapping.furniture_item import CadFit, FurnitureChange, FurnitureItem
 from fluentboard_modules.mapping.furniture_map import FurnitureMap
 from fluentboard_modules.mapping.rules import FurnitureRules
 from fluentboard_modules.mapping.surfaces import detect_regions
@@ -200,3 +202,18 @@ def test_the_threshold_for_furniture_is_configurable(
     watch(room, around(render, table_boxes, 3), furniture_rules)
 
     assert [item.class_name for item in room.furniture()] == ["Table"]
+
+
+def test_only_a_chair_may_stand_where_another_piece_stands(furniture_rules: FurnitureRules) -> None:
+    config, classes = FurnitureMapConfig(), furniture_rules.rules.furniture
+
+    def stand(class_name: str, x: float, size: float) -> Stand:
+        pose = Pose(x, 0.0, 0.4)
+        fit = CadFit("model", True, pose, 0.9, pose, 0.9, np.eye(3), 1)
+        return Stand(classes[class_name], BoundingBox(pose, size, size, 0.8), fit)
+
+    table, chair = stand("Table", 0.0, 1.0), stand("Chair", 0.1, 0.5)
+    assert not share_a_place(table, chair, config)
+    assert share_a_place(table, stand("Shelf", 0.6, 0.5), config)
+    assert share_a_place(table, stand("Table", 0.8, 1.0), config)
+    assert not share_a_place(table, stand("Table", 0.9, 1.0), config)  # poses are off by so much

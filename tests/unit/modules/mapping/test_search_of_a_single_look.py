@@ -125,9 +125,10 @@ def test_wall_is_what_nothing_is_seen_behind() -> None:
 def test_nothing_stands_in_a_wall_or_behind_it(x: float, is_inside: bool) -> None:
     piece = BoundingBox(Pose(x, 0.0, 0.4), 0.5, 0.5, 0.8)
 
-    wall = upright(0.0, 0.0, 0.0, 3.0, 2.0)
+    wall, back = upright(0.0, 0.0, 0.0, 3.0, 2.0), upright(0.0, 0.0, 0.0, 0.5, 1.0)
     assert is_in_wall(piece, [wall]) is is_inside
-    assert is_in_wall(piece, [wall], may_touch=True) is (x < -0.1)
+    assert is_in_wall(piece, [wall], may_touch=True) is is_inside
+    assert is_in_wall(piece, [back], may_touch=True) is (x < -0.1)
 
 
 def test_side_of_a_shelf_says_where_its_front_is() -> None:
