@@ -27,6 +27,7 @@ SCRIPTS = (
     "mapping_scene",
     "furniture",
     "existence",
+    "moved_furniture",
     "simulator",
     "anchoring_context",
     "anchoring_step",
