@@ -336,6 +336,7 @@ class FurnitureMap:
             if track.n_without == 0 and track.item.score >= self._config.accept_score
         }
         for track in self._tracks:
+            order = self._stand(track).furniture.symmetry_order
             main_plane = self._plane_map.current(track.main_plane)
             lost = track.n_without > self._config.patience_frames or (
                 # Nothing to wait for: the plane is gone, or is something else by now.
@@ -362,12 +363,7 @@ class FurnitureMap:
             elif (
                 track.is_accepted
                 and track.reported is not None
-                and differs(
-                    track.reported,
-                    track.item,
-                    self._stand(track).furniture.symmetry_order,
-                    self._config,
-                )
+                and differs(track.reported, track.item, order, self._config)
             ):
                 track.reported = track.item
                 changes.append(FurnitureChange("changed", track.item))
@@ -389,8 +385,8 @@ class FurnitureMap:
         )
 
     def _stand(self, track: Track) -> Stand:
-        item = track.item
-        return Stand(self._rules.rules.furniture[item.class_name], item.box, item.cad)
+        furniture = self._rules.rules.furniture[track.item.class_name]
+        return Stand(furniture, track.item.box, track.item.cad)
 
     def _key(self, track: Track) -> tuple[str, int | None]:
         """Class and main plane, as of a candidate."""
