@@ -20,6 +20,7 @@ from fluentboard_modules.mapping.existence import ExistenceBelief, log_odds
 from fluentboard_modules.mapping.planar_region import PlanarRegion, as_multipolygon, upright_axes
 from fluentboard_modules.mapping.plane_grid import MapPlane
 
+_LOOKS_LEAST = 2  # a single frame may have been put in the wrong place
 _FLAT_M = 0.02  # corners of a contour that are further from one plane are no contour
 
 
@@ -45,6 +46,7 @@ class RememberedPlaces:
         self._planes = {name: _map_plane(region, config) for name, region in planes.items()}
         known, highest = beliefs or {}, config.existence.belief_max
         self._before = {name: log_odds(known.get(name, highest)) for name in self._planes}
+        self._n_through = dict.fromkeys(self._planes, 0)
         self._beliefs = {
             name: ExistenceBelief(config.existence, odds) for name, odds in self._before.items()
         }
@@ -77,7 +79,9 @@ class RememberedPlaces:
             shows = view.seen_through < self._config.missed_share * view.expected
             eye = frame.T_map_sensor.translation - plane.T_map_grid.translation
             self._beliefs[name].take(shows, eye.tolist())
-            if self._beliefs[name].probability < self._gone_below:
+            self._n_through[name] += not shows
+            is_doubted = self._beliefs[name].probability < self._gone_below
+            if is_doubted and self._n_through[name] >= _LOOKS_LEAST:
                 gone.add(name)
                 del self._planes[name], self._beliefs[name]
         return gone

@@ -145,7 +145,7 @@ def test_remembered_table_that_is_seen_through_is_gone(
 def test_doubt_of_one_run_counts_in_the_next(place: RememberedPlaces, render: Render) -> None:
     assert place.doubts == {}
     assert gone_after(place, render([]), 4) is None
-    assert gone_after(table_place(place.doubts), render([]), 20) == 1
+    assert gone_after(table_place(place.doubts), render([]), 20) == 2
 
 
 def test_remembered_table_that_stands_there_stays(
