@@ -81,12 +81,14 @@ def is_in_wall(
         ends = wall.T_map_region.apply(np.array([[low, 0.0, 0.0], [high, 0.0, 0.0]]))
         line = LineString(ends[:, :2])
         depth = float(wall.normal[:2] @ (np.array(middle) - wall.centroid[:2]))
-        along = abs(float(wall.normal[:2] @ front)) > _PARALLEL
-        # A large one is no back of a shelf, unless it is where the back is.
-        is_back = wall.area_m2 < _CERTAIN_M2 or depth > 0.5 * piece.x_size - _INTO_M
-        may_cross = may_touch and along and is_back
+        faces = float(wall.normal[:2] @ front)
+        # Nothing at all was seen behind a wall: a back is at a large one, and never beyond it.
+        is_large = wall.area_m2 >= _CERTAIN_M2
+        is_beyond = depth < 0.5 * piece.x_size - _INTO_M
+        may_cross = may_touch and abs(faces) > _PARALLEL and not (is_large and is_beyond)
         crosses = line.intersection(inner).length > _ACROSS_M and not may_cross
-        if crosses or depth < -_INTO_M:  # nothing at all was seen behind it
+        is_sunk = may_touch and faces > _PARALLEL and is_large and is_beyond
+        if crosses or is_sunk or depth < -_INTO_M:
             return True
     return False
 
