@@ -6,7 +6,11 @@ BIN := .venv/bin
 export PYTHONDONTWRITEBYTECODE ?= 1
 
 .DEFAULT_GOAL := check
-.PHONY: check demo test unit property e2e doctests lint format bench docs lock install system clean
+.PHONY: help check install demo test unit property e2e doctests lint format bench docs lock clean
+
+## help: what can be made
+help:
+	@sed -n 's/^## //p' Makefile
 
 ## check: format, lint, types, imports and the fast tests (under a minute)
 check: format lint unit
@@ -31,15 +35,19 @@ demo: .venv/installed
 test: .venv/installed
 	$(BIN)/pytest -n 2
 
+## unit: fast tests, without a network
 unit: .venv/installed
 	$(BIN)/pytest tests/unit tests/golden
 
+## property: laws that must hold for whatever Hypothesis thinks of
 property: .venv/installed
 	$(BIN)/pytest tests/property
 
+## e2e: tests with real services, workers and clients
 e2e: .venv/installed
 	$(BIN)/pytest tests/e2e
 
+## doctests: the documentation against the code
 doctests: .venv/installed
 	$(BIN)/pytest tests/docs
 
@@ -50,6 +58,7 @@ lint: .venv/installed
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 
+## format: lays out the code, and mends what can be mended without thinking
 format: .venv/installed
 	$(BIN)/ruff format --quiet .
 	$(BIN)/ruff check --quiet --fix-only .
@@ -70,5 +79,6 @@ lock:
 		--group test --group lint --group bench --group docs \
 		--no-emit-package fluentboard pyproject.toml --output-file requirements.lock
 
+## clean: removes .venv and all that was made
 clean:
 	rm -rf .venv build dist site demo-out

@@ -60,5 +60,12 @@ def test_commands_it_names_exist() -> None:
     assert [name for name in targets if f"\n{name}:" not in makefile] == []
 
 
+def test_make_help_tells_of_every_target() -> None:
+    makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
+    phony = re.findall(r"^\.PHONY: (.+)$", makefile, re.MULTILINE)[0].split()
+    assert re.findall(r"^## (\w+): \S", makefile, re.MULTILINE) == phony
+    assert [name for name in phony if f"\n{name}:" not in makefile] == []
+
+
 def test_badges_do_not_crowd_the_first_screen() -> None:
     assert len(re.findall(r"!\[[^]]*\]\(https?:", README)) <= 3

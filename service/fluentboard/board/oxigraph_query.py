@@ -69,6 +69,10 @@ def ask(
                 f"use one that needs no declaration: {', '.join(PREFIXES)}",
                 undeclared=unknown,
             ) from None
+        if not sparql.strip():
+            raise InvalidQuery(
+                "the query is empty; send one such as SELECT * WHERE { ?s ?p ?o } LIMIT 10"
+            ) from None
         raise InvalidQuery(f"the query does not parse: {message}") from None
     except (ValueError, OSError, RuntimeError) as problem:
         raise InvalidQuery(f"the query cannot be evaluated: {problem}") from None

@@ -360,3 +360,10 @@ def test_undeclared_prefix_is_named(api: httpx.Client) -> None:
     assert reply.status_code == 400
     assert "the prefix 'foaf' is not declared" in reply.json()["detail"]
     assert reply.json()["undeclared"] == ["foaf"]
+
+
+@pytest.mark.parametrize("query", ["", " \n"])
+def test_an_empty_query_is_said_to_be_empty(api: httpx.Client, query: str) -> None:
+    reply = api.post("/sparql", data={"query": query})
+    assert (reply.status_code, reply.json()["code"]) == (400, "invalid-query")
+    assert reply.json()["message"].startswith("the query is empty; send one such as SELECT")
