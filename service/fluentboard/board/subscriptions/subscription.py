@@ -78,7 +78,8 @@ class Subscription:
         self._on_drained = on_drained
         self._on_close = on_close
         self._changed = threading.Condition()
-        self._queue: deque[Message] = deque()
+        # Each with how many solutions it has; `_solutions` is their sum.
+        self._queue: deque[tuple[Message, int]] = deque()
         self._solutions = 0
         self._sequence = request.sequence
         self._lags = False
@@ -111,12 +112,11 @@ class Subscription:
         with self._changed:
             count = len(self._queue) if limit is None else min(limit, len(self._queue))
             taken = [self._queue.popleft() for _ in range(count)]
-            if not self._queue:
-                self._solutions = 0
+            self._solutions -= sum(solutions for _, solutions in taken)
             drained = self._lags and bool(taken) and not self._queue
         if drained:
             self._on_drained(self)
-        return taken
+        return [message for message, _ in taken]
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Blocks until messages wait or the subscription is closed; False after the time-out."""
@@ -172,11 +172,11 @@ class Subscription:
             # Nothing comes after a failure, so it cannot be lost among what waits.
             if (full or too_much) and not isinstance(message, Failed):
                 self._queue.clear()
-                self._queue.append(Lagged())
+                self._queue.append((Lagged(), 0))
                 self._solutions = 0
                 self._lags = True
             else:
-                self._queue.append(message)
+                self._queue.append((message, solutions))
                 self._solutions += solutions
             on_ready = self._on_ready if was_empty else None
             self._changed.notify_all()

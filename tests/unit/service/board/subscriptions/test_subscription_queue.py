@@ -152,3 +152,12 @@ def test_waiting_ends_with_a_message_or_the_time_out() -> None:
     assert not subscription.wait(timeout_s=0.0)
     subscription.put_change(change(1))
     assert subscription.wait(timeout_s=0.0)
+
+
+def test_what_was_taken_does_not_count_any_more_though_something_always_waits() -> None:
+    subscription = Ends(queue_solutions=5).subscription
+    subscription.put_change(change(1, 2))
+    for commit in range(2, 12):
+        subscription.put_change(change(commit, 2))
+        assert [type(message) for message in subscription.poll(1)] == [Delta]
+    assert subscription.waiting == 1
