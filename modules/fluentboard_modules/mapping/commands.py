@@ -24,6 +24,7 @@ def register(app: typer.Typer, evaluate: typer.Typer) -> None:
     app.command(
         "learn-furniture",
         epilog="Examples:\n\nfluentboard learn-furniture bar_table.stl --class BarTable\n\n"
+        "fluentboard serve --data ./board --ontology BarTable.ttl\n\n"
         "fluentboard work mapping --frames ./bar --ontology BarTable.ttl",
     )(learn_furniture)
 
@@ -47,7 +48,8 @@ def learn_furniture(
     """Learn a class of furniture from its CAD model.
 
     Measures the model's planes and writes a class with its definition and SWRL rules as Turtle,
-    with the thesis's margin of 5 cm (Section 3.2.2). Give the file to work mapping --ontology.
+    with the thesis's margin of 5 cm (Section 3.2.2). Give the file to serve --ontology and to work
+    mapping --ontology.
     """
     with needs_extra("mapping"):
         from fluentboard_modules.mapping.cad_library import stood_up
@@ -58,7 +60,8 @@ def learn_furniture(
     path = output or Path(f"{class_name}.ttl")
     path.write_text(learn(cad, class_name), encoding="utf-8")
     typer.echo(
-        f"{path}: class {class_name} with its rules; use it with work mapping --ontology {path}",
+        f"{path}: class {class_name} with its rules; for the board: serve --ontology {path}, for "
+        f"the worker: work mapping --ontology {path}",
         err=True,
     )
 

@@ -16,8 +16,10 @@ from fluentboard_modules.mapping.evaluation import TruePiece, tolerance_m
 from fluentboard_modules.mapping.furniture_item import FurnitureItem
 from fluentboard_modules.mapping.furniture_map import FurnitureMap
 from fluentboard_modules.mapping.judge import FurnitureJudge
+from fluentboard_modules.mapping.planar_region import PlanarRegion
 from fluentboard_modules.mapping.protocol import Detection, Row, TrueObject, rate, totals
 from fluentboard_modules.mapping.rules import FurnitureRules
+from fluentboard_modules.mapping.single_look import look_at
 from fluentboard_modules.mapping.surfaces import detect_regions
 
 
@@ -57,12 +59,19 @@ def run_labelled(
     noise = config.surfaces.noise
     judge = FurnitureJudge(library, config.verification, noise)
     room = FurnitureMap(rules, config.furniture, noise, judge)
+    few: list[tuple[SensorFrame, Sequence[PlanarRegion]]] = []
     n_frames = 0
     for frame in frames:
-        room.update(frame, detect_regions(frame, config.surfaces))
+        regions = detect_regions(frame, config.surfaces)
+        room.update(frame, regions)
         n_frames += 1
-    room.settle()
-    found = tuple(room.furniture())
+        if n_frames <= config.furniture.look_frames:
+            few.append((frame, regions))
+    if 0 < n_frames == len(few):
+        found = tuple(look_at(few, rules, library, config).furniture)
+    else:
+        room.settle()
+        found = tuple(room.furniture())
     orders = {furniture.name: furniture.symmetry_order for furniture in rules.furniture_classes}
     return LabelledTrial(
         rate_labelled(found, labels, orders),

@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 
 from fluentboard.model.geometry import Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
+from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.config import FurnitureMapConfig, MappingConfig
+from fluentboard_modules.mapping.labelled import run_labelled
+from fluentboard_modules.mapping.rules import FurnitureRules
 from fluentboard_modules.mapping.worker import MappingModule
 
 Box = tuple[Sequence[float], Sequence[float]]
@@ -56,3 +59,13 @@ def test_who_finds_nothing_says_what_came_nearest(render: Render) -> None:
 
     assert status.startswith("nothing found (nearest: ")
     assert "height above the floor 0.60 m" in status
+
+
+def test_one_labelled_image_is_rated_as_the_worker_maps_it(
+    render: Render, furniture_rules: FurnitureRules, table_boxes: list[Box]
+) -> None:
+    frames = [render(table_boxes, width=320)]
+
+    trial = run_labelled(frames, [], furniture_rules, CadLibrary(), MappingConfig())
+
+    assert [piece.class_name for piece in trial.found] == ["Table"]
