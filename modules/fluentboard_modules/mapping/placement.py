@@ -160,9 +160,11 @@ def best_place(
         best = max([best, *_aligned(looker, start)], key=merit)
     if best.is_doubtful:
         return initial, best
-    if any(_turn_rad(start, likeliest) > _TURNED_RAD for start in starts):
-        best = max([best, *_turned(looker, best)], key=merit)
     best = _refined(looker, best, merit)
+    if any(_turn_rad(start, likeliest) > _TURNED_RAD for start in starts):
+        other = _turned(looker, best)
+        if other is not None:
+            best = max(best, _refined(looker, other, merit), key=merit)
     if best.score < SETTLED_SCORE:
         searched = _searched(looker, best, merit)
         if searched is not best:
@@ -181,8 +183,8 @@ def _aligned(looker: Looker, start: Standing) -> list[Trial]:
     return [looker.look(aligned), looker.look(start)]
 
 
-def _turned(looker: Looker, best: Trial) -> list[Trial]:
-    """The likeliest other turn at the best place, if it is nearly as likely.
+def _turned(looker: Looker, best: Trial) -> Trial | None:
+    """The likeliest other turn at the best place, aligned, if it is nearly as likely.
 
     Where little is seen of a seat, only the right start of many leads to the right place. From
     there the right turn is near, whichever start has led to it.
@@ -191,8 +193,8 @@ def _turned(looker: Looker, best: Trial) -> list[Trial]:
     other = max(others, key=lambda trial: trial.gain, default=None)
     here = looker.glance(best.standing)
     if other is None or other.gain < here.gain - _NEARLY * abs(here.visibility.close):
-        return []
-    return _aligned(looker, other.standing)
+        return None
+    return max(_aligned(looker, other.standing), key=lambda trial: trial.gain)
 
 
 class _Merit:

@@ -231,17 +231,24 @@ def _try_model(
     if not rows:
         return ()
 
-    def gain(row: Sequence[Standing]) -> float:
-        return sum(looker.glance(standing).gain for standing in row)
-
-    best = max(rows, key=gain)
-    for step in _ROW_STEPS_M:
-        shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
-        shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
-        best = max(shifted, key=gain)
+    best = _shifted(looker, max(rows, key=lambda row: _row_gain(looker, row)))
     if geometry.main_side == "top":
         best = [one for one in best if covered_share(model, one, parts[0]) >= _COVERED]
     return _verify_row(looker, best, geometry)
+
+
+def _row_gain(looker: Looker, row: Sequence[Standing]) -> float:
+    return sum(looker.glance(standing).gain for standing in row)
+
+
+def _shifted(looker: Looker, row: list[Standing]) -> list[Standing]:
+    """The row as a whole where the images like it best, nearby."""
+    best = row
+    for step in _ROW_STEPS_M:
+        shifts = [(0.0, 0.0), (step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)]
+        shifted = [[one.moved(dx, dy, 0.0) for one in best] for dx, dy in shifts]
+        best = max(shifted, key=lambda moved: _row_gain(looker, moved))
+    return best
 
 
 def _verify_row(
@@ -259,8 +266,9 @@ def _verify_row(
         config = looker.config.model_copy(update={"starts_max": _TURNS})
         alone = Looker(model, looker.views, config)
         return tuple(
-            _best_of(alone, quarter_turns(one, model), geometry, reach_m=_BESIDE_REACH_M)
+            _best_of(alone, quarter_turns(place, model), geometry, reach_m=_BESIDE_REACH_M)
             for one in row
+            for place in _shifted(alone, [one])
         )
     verdicts = [_best_of(looker, [one], geometry, reach_m=_BESIDE_REACH_M) for one in row]
     for i, j in itertools.combinations(range(len(row)), 2):

@@ -183,6 +183,22 @@ def test_joined_tables_are_two(make_plane: MakePlane) -> None:
     assert all(verdict.is_accepted for verdict in verdicts)
 
 
+def test_seats_in_one_plane_are_chairs_that_face_their_own_ways(make_plane: MakePlane) -> None:
+    places = [Pose.from_rpy(-0.27, 0.0, 0.0, yaw=0.1), Pose.from_rpy(0.27, 0.0, 0.0, yaw=3.0)]
+    views = seen([(CHAIR, place) for place in places], EYES)
+    geometry, planes = hypothesis(make_plane, (0.96, 0.42), (0.0, 0.0, 0.45), 0.0)
+
+    verdicts = verify(
+        "Chair", geometry, planes, views, CadLibrary((cad(CHAIR),)), VerificationConfig()
+    )
+
+    found = sorted((v.standing for v in verdicts if v.is_accepted), key=lambda one: one.x)
+    assert [one.x for one in found] == pytest.approx([-0.27, 0.27], abs=0.02)
+    assert [np.cos(one.yaw_rad) for one in found] == pytest.approx(
+        np.cos([0.1, 3.0]).tolist(), abs=0.02
+    )
+
+
 def test_a_row_may_begin_at_either_end(make_plane: MakePlane) -> None:
     geometry, planes = hypothesis(make_plane, (2.5, 0.8), (0.0, 0.0, 0.74), 0.0)
 

@@ -61,6 +61,18 @@ def test_sides_tell_the_direction_of_a_top_hidden_in_part(
     assert abs(by_axes.pose.yaw_rad) > np.deg2rad(4.0)
 
 
+def test_the_edge_of_a_backrest_is_none_to_face_away_from(
+    furniture_rules: FurnitureRules, make_plane: MakePlane
+) -> None:
+    seat = make_plane((0.0, 0.0, 0.47), size=(0.45, 0.45))
+    edge = make_plane((-0.25, 0.22, 0.83), (0.0, 1.0, 0.0), (0.1, 0.5))
+    chair = furniture_rules.classify([seat, edge]).hypotheses[0]
+
+    placed = place_hypothesis(chair, furniture_rules.rules.furniture["Chair"], [seat, edge], CONFIG)
+
+    assert placed.back_plane is None
+
+
 @pytest.mark.parametrize("heading_deg", [0.0, 90.0, -135.0])
 def test_a_chair_faces_away_from_its_backrest(
     furniture_rules: FurnitureRules, make_plane: MakePlane, heading_deg: float

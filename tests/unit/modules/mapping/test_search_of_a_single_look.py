@@ -207,6 +207,18 @@ def test_islands_of_a_plane_are_looked_at_one_by_one(neck_m: float) -> None:
     assert parts_of(upright(0.0, 0.0, 0.0, 1.0, 1.0)) == []
 
 
+def test_seats_that_noise_joins_are_looked_at_one_by_one() -> None:
+    seats = (box(-0.6, -0.25, -0.05, 0.25), box(0.05, -0.25, 0.6, 0.25))
+    bridge = box(-0.1, -0.08, 0.1, 0.08)
+    joined = as_multipolygon(shapely.union_all([*seats, bridge]))
+    level = Transform.from_parts(np.eye(3), np.array([0.0, 0.0, 0.45]))
+    plane = replace(upright(0.0, 0.0, 0.0, 1.0, 1.0), contour=joined, T_map_region=level)
+
+    found = parts_of(plane)
+
+    assert sorted(round(one.centroid[0], 1) for one in found) == [-0.3, 0.3]
+
+
 def test_small_part_of_a_top_is_turned_as_others_are() -> None:
     corner = MultiPolygon([shapely.Polygon([(0.0, 0.0), (0.3, 0.0), (0.0, 0.3)])])
     level = PlanarRegion(
