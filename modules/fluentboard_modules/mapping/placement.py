@@ -23,7 +23,7 @@ _GLANCE_VIEWS = 3
 # Shares of what speaks for the first place that another must gain, if it is so far off.
 _TURNED_RAD, _TURNED_DOUBT = 0.5, 0.05
 _MOVED_M, _MOVED_DOUBT = 0.03, 0.02
-_NEARLY = 0.2  # of what speaks for a place, another turn may have less before it is aligned
+_NEARLY = 0.35  # of what speaks for a place, another turn may have less before it is aligned
 # A pixel or so along its outline, what speaks for a model of n pixels changes by half of
 # _UNNOTICED * n ** -0.75 (standard deviation, as a share; 40 to 5000 pixels): the outline has
 # about n ** 0.5 pixels, of which one or the other is won or lost.
