@@ -85,7 +85,7 @@ def icp_steps(
             break
         for a in range(3):  # what no point binds stays where it is
             information[a, a] += damping * n_near * (0.1 if a == 2 else 1.0)
-        step[:] = np.linalg.solve(information, gradient)
+        _solve(information, gradient, step)
         limit = scales_m[number]
         dx, dy = min(max(step[0], -limit), limit), min(max(step[1], -limit), limit)
         place[0] += c * dx - s * dy
@@ -221,3 +221,23 @@ def _normal_equations(
                 for b in range(3):
                     information[a, b] += weight * row[a] * row[b]
     return information, gradient, n_near
+
+
+@nb.njit(cache=True, nogil=True)
+def _solve(matrix: FloatArray, right_side: FloatArray, solution: FloatArray) -> None:
+    """Fills in the solution `(3,)` of a positive definite system, by Cholesky's factors.
+
+    A call of the solver of numpy takes seconds to compile.
+    """
+    a = np.sqrt(matrix[0, 0])
+    b, c = matrix[1, 0] / a, matrix[2, 0] / a
+    d = np.sqrt(matrix[1, 1] - b * b)
+    e = (matrix[2, 1] - b * c) / d
+    f = np.sqrt(matrix[2, 2] - c * c - e * e)
+    x = right_side[0] / a
+    y = (right_side[1] - b * x) / d
+    z = (right_side[2] - c * x - e * y) / f
+    z = z / f
+    y = (y - e * z) / d
+    x = (x - b * y - c * z) / a
+    solution[0], solution[1], solution[2] = x, y, z

@@ -61,7 +61,7 @@ def image_window(
         top, bottom = max(int(np.floor(v_low - margin)), 0), int(np.ceil(v_high + margin)) + 1
         right, bottom = min(right, width), min(bottom, height)
     if right - left >= 2 and bottom - top >= 2:
-        window[:] = (top, bottom, left, right)
+        window[0], window[1], window[2], window[3] = top, bottom, left, right
     return window
 
 

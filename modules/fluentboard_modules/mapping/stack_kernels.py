@@ -68,11 +68,13 @@ def areas_of_views(
             continue
         corners = in_sensor(vertices, triangles, T_sensor_model)
         expected, triangle = draw(corners, cameras[k], window, step)
-        areas += compare(
+        of_view = compare(
             expected, triangle, corners, measured[k], sigma[k], cameras[k], window, step,
             rigid_inverse(T_sensor_model), voids, tolerance_m, tolerance_sigma, beside_m, reach_m,
             floor_clear_m,
         )  # fmt: skip
+        for i in range(8):
+            areas[i] += of_view[i]
     return areas
 
 
@@ -125,8 +127,10 @@ def equations_of_views(
             expected, triangle, corners, measured[k], sigma[k], cameras[k], window,
             rigid_inverse(T_sensor_model), scale_m, bias_m, least_gap_m,
         )  # fmt: skip
-        information += of_view[0]
-        gradient += of_view[1]
+        for a in range(3):
+            gradient[a] += of_view[1][a]
+            for b in range(3):
+                information[a, b] += of_view[0][a, b]
         weights += of_view[2]
         squares += of_view[3]
         count += of_view[4]

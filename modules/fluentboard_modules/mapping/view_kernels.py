@@ -61,8 +61,9 @@ def compare(
     agrees = np.zeros((h, w), dtype=np.bool_)
     # Of the agreeing pixels: first and last row and column; least and greatest depth. And of all
     # pixels, the least.
-    around = np.array([h, -1, w, -1])
-    depths = np.array([np.inf, 0.0, np.inf])
+    around, depths = np.zeros(4, dtype=np.int64), np.zeros(3)
+    around[0], around[1], around[2], around[3] = h, -1, w, -1
+    depths[0], depths[1], depths[2] = np.inf, 0.0, np.inf
     for row in range(h):
         v = top + row * step
         for column in range(w):
@@ -104,7 +105,9 @@ def compare(
         )  # fmt: skip
     for k in range(voids.shape[0]):
         _add_void(areas, voids[k], measured, camera, window, step, h, w, T_model_sensor)
-    return areas * (step * step / (fx * fy))
+    for i in range(8):
+        areas[i] *= step * step / (fx * fy)
+    return areas
 
 
 @nb.njit(cache=True, nogil=True)
@@ -118,7 +121,8 @@ def _nearest_rows(expected: Floats) -> Indices:
             if expected[row, column] < np.inf:
                 last[column] = row
             nearest[row, column] = last[column]
-    last[:] = -1
+    for column in range(w):
+        last[column] = -1
     for row in range(h - 1, -1, -1):
         for column in range(w):
             if expected[row, column] < np.inf:
