@@ -171,6 +171,8 @@ def draw(
                     end = min(end, crossing[i] + tilt[i] * row + 1e-9)
                 elif per_row[i] * row + at_origin[i] < 0.0:
                     end = -1.0
+            if not begin <= end:  # nor where an edge is so far away that no integer holds it
+                continue
             rest = descent * row + offset
             for column in range(int(np.ceil(begin)), int(np.floor(end)) + 1):
                 near = slope * column + rest

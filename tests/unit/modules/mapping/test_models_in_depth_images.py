@@ -74,6 +74,24 @@ def test_drawing_a_model_is_casting_rays_at_it(eye: tuple[float, float, float], 
     assert ((triangle >= 0) == np.isfinite(depth)).all()
 
 
+def test_a_triangle_seen_edge_on_beside_the_sensor_is_not_drawn() -> None:
+    # Found in a drive past a shelf: its edge crosses the rows 5e18 columns away, and less a row's
+    # tilt more than 64 bits count.
+    corners = np.array(
+        [
+            [-2.589092610606709, -0.00018455521669635822, 0.0001506575687617584],
+            [-2.277678853485972, -0.15781510362473783, 0.12882886895097845],
+            [-2.277678853485972, -0.1704626459675268, 0.11333565518858024],
+        ]
+    )
+    camera = np.array([131.25, 131.25, 79.25, 59.25])
+
+    for turn in range(3):
+        turned = np.roll(corners, turn, axis=0)[None]
+        depth, _ = draw(turned, camera, np.array([0, 120, 0, 160]), 1)
+        assert np.isinf(depth).all()
+
+
 def test_pixels_find_a_chair_to_the_millimetre() -> None:
     views = [look((1.6, 0.9, 1.4)), look((-0.4, -1.7, 1.4), seed=1)]
 
