@@ -224,7 +224,7 @@ def _score(seed: int, tallies: dict[str, _Tally], notes: Counter[str]) -> None:
             notes["seen"] += bool(models) and str(models[-1]) == stay.model
     used = {id(episode) for episode in partner_of.values()}
     for episode in episodes:
-        if id(episode) not in used:
+        if id(episode) not in used and not any(_swaps(stay, episode) for stay in stays):
             tallies["started"].false += 1
     for name in ("table1", "table1Chair1"):
         notes["moved"] += 1
@@ -295,6 +295,12 @@ def _matched(stays: Sequence[_Stay], episodes: Sequence[_Episode]) -> dict[int, 
         if k not in found and i not in found.values():
             found[k] = i
     return {k: episodes[i] for k, i in found.items()}
+
+
+def _swaps(stay: _Stay, episode: _Episode) -> bool:
+    """Whether two pieces that stood at one place one after the other are told to be two."""
+    is_here = math.dist(episode.xy, (stay.pose.x, stay.pose.y)) <= _SAME_PLACE_M
+    return stay.is_swapped and is_here and episode.piece.class_name == stay.cls
 
 
 def _seen_s(stays: Sequence[_Stay], drives: Sequence[SimulatedDrive]) -> list[list[float]]:

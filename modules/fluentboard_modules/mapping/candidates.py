@@ -146,8 +146,13 @@ def place_candidate(
     )
 
 
-def case_of(candidate: Candidate) -> Case:
-    """A candidate as the judge wants it: only the planes that are the piece's own."""
+def case_of(candidate: Candidate, since_s: float | None = None) -> Case:
+    """A candidate as the judge wants it: only the planes that are the piece's own.
+
+    Args:
+        candidate: the hypothesis.
+        since_s: when its main plane was first seen.
+    """
     own = [
         plane
         for k, plane in enumerate(candidate.planes)
@@ -162,6 +167,7 @@ def case_of(candidate: Candidate) -> Case:
         candidate.geometry,
         tuple(plane.region for plane in own),
         candidate.n_frames,
+        since_s,
     )
 
 

@@ -192,7 +192,8 @@ class FurnitureMap:
         found = [c for c in found if not self._is_explained(c.key, c.planes)]
         # What is not believed for lack of frames need not be verified yet.
         worth = [c for c in found if settle or c.score >= self._config.drop_score]
-        self._judge.consider([case_of(c) for c in worth], all_of_them=settle)
+        cases = [case_of(c, min(planes[c.main_plane].stamps_s, default=None)) for c in worth]
+        self._judge.consider(cases, all_of_them=settle)
         self._walls = room_walls(regions, self._judge.views, _PIXELS_APART)
         return [
             verified

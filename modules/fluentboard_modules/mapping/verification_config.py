@@ -180,3 +180,8 @@ class VerificationConfig(Settings):
         default=0.04, gt=0.0, description="And when the hypothesis has moved or grown by this."
     )
     again_turned_rad: float = Field(default=0.07, gt=0.0, description="Or turned by this.")
+    visit_gap_s: float = Field(
+        default=30.0,
+        gt=0.0,
+        description="After a pause of more than this, furniture may have been moved.",
+    )
