@@ -6,9 +6,9 @@ cloud that is all there is, so what verification says of a piece is what is beli
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 
 from fluentboard.model.geometry import Plane
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -18,7 +18,7 @@ from fluentboard_modules.mapping.cloud_regions import regions_of_cloud
 from fluentboard_modules.mapping.config import MappingConfig
 from fluentboard_modules.mapping.depth_views import ViewMemory
 from fluentboard_modules.mapping.floor import sloping_floor
-from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane
+from fluentboard_modules.mapping.furniture_item import FurnitureItem, FurniturePlane, box_overlap
 from fluentboard_modules.mapping.loose_planes import unexplained
 from fluentboard_modules.mapping.near_misses import NearMiss
 from fluentboard_modules.mapping.planar_region import PlanarRegion
@@ -49,6 +49,7 @@ def look_at(
     rules: FurnitureRules,
     library: CadLibrary,
     config: MappingConfig,
+    known: Sequence[FurnitureItem] = (),
 ) -> Look:
     """Searches a few frames for furniture.
 
@@ -57,6 +58,7 @@ def look_at(
         rules: the furniture ontology.
         library: CAD models.
         config: of all steps.
+        known: what was told of these frames already; what is found there keeps its identifier.
     """
     views = ViewMemory(config.surfaces.noise)
     for frame, _ in frames:
@@ -68,16 +70,25 @@ def look_at(
     classification = rules.classify(regions, floor=floor)
     found = find_furniture(regions, views.since(), rules, library, config, floor).furniture
     stamps = tuple(frame.stamp_s for frame, _ in frames)
-    numbers: Counter[str] = Counter()
+    free, taken = list(known), {item.identifier for item in known}
     items: list[FurnitureItem] = []
     for piece in found:
-        if piece.fit is not None:
-            numbers[piece.furniture.name] += 1
-            items.append(_described(piece, numbers[piece.furniture.name], stamps, config))
+        if piece.fit is None:
+            continue
+        name, least = piece.furniture.name, config.furniture.same_place_overlap
+        here = next((one for one in free if _is_at(one, piece, least)), None)
+        if here is not None:
+            free.remove(here)
+            identifier = here.identifier
+        else:
+            names = (f"{name[0].lower()}{name[1:]}{number}" for number in count(1))
+            identifier = next(one for one in names if one not in taken)
+            taken.add(identifier)
+        items.append(_described(piece, identifier, stamps, config))
     identifiers = range(len(regions))
-    taken = {plane.identifier for item in items for plane in item.planes}
+    explained = {plane.identifier for item in items for plane in item.planes}
     misses = unexplained(
-        classification, identifiers, regions, dict.fromkeys(identifiers, len(frames)), taken
+        classification, identifiers, regions, dict.fromkeys(identifiers, len(frames)), explained
     )
     return Look(items, regions, classification, misses)
 
@@ -95,8 +106,13 @@ def _regions_of(
     return regions_of_cloud(cloud.voxels(), config.surfaces.cloud, config.surfaces.contours)
 
 
+def _is_at(item: FurnitureItem, piece: Candidate, least_overlap: float) -> bool:
+    is_alike = item.class_name == piece.furniture.name
+    return is_alike and box_overlap(item.box, piece.geometry.box) >= least_overlap
+
+
 def _described(
-    piece: Candidate, number: int, stamps: tuple[float, ...], config: MappingConfig
+    piece: Candidate, identifier: str, stamps: tuple[float, ...], config: MappingConfig
 ) -> FurnitureItem:
     fit, name = piece.fit, piece.furniture.name
     existence = config.furniture.fusion.existence
@@ -105,7 +121,7 @@ def _described(
         for plane in piece.planes
     )
     return FurnitureItem(
-        identifier=f"{name[0].lower()}{name[1:]}{number}",
+        identifier=identifier,
         class_name=name,
         pose=piece.geometry.pose,
         box=piece.geometry.box,

@@ -171,7 +171,9 @@ class MappingModule:
         if not self.span_s:
             return []
         if self._few:
-            self._look = look_at(self._few, self._rules, self._library, self._config)
+            self._look = look_at(
+                self._few, self._rules, self._library, self._config, self._map.furniture()
+            )
             near = self._look.near_misses
         else:
             self._map.settle()

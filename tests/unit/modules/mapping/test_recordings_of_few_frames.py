@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from fluentboard.model.geometry import Transform
 from fluentboard_modules.frames.sensor_frame import SensorFrame
@@ -10,6 +11,8 @@ from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.config import FurnitureMapConfig, MappingConfig
 from fluentboard_modules.mapping.labelled import run_labelled
 from fluentboard_modules.mapping.rules import FurnitureRules
+from fluentboard_modules.mapping.single_look import look_at
+from fluentboard_modules.mapping.surfaces import detect_regions
 from fluentboard_modules.mapping.worker import MappingModule
 
 Box = tuple[Sequence[float], Sequence[float]]
@@ -44,6 +47,22 @@ def test_two_images_show_one_table(render: Render, table_boxes: list[Box]) -> No
 
     assert table.class_name == "Table"
     assert table.frames_s == (1.0, 2.0)
+
+
+def test_only_what_was_told_of_this_place_keeps_its_identifier(
+    render: Render, table_boxes: list[Box], furniture_rules: FurnitureRules
+) -> None:
+    frame, config = render(table_boxes, width=320), MappingConfig()
+    few = [(frame, detect_regions(frame, config.surfaces))]
+    (table,) = look_at(few, furniture_rules, CadLibrary(), config).furniture
+    pose = replace(table.box.pose, x=table.box.pose.x + 3.0)
+    elsewhere = replace(table, box=replace(table.box, pose=pose))
+    here = replace(table, identifier="table3")
+
+    (found,) = look_at(few, furniture_rules, CadLibrary(), config, [elsewhere, here]).furniture
+    (new,) = look_at(few, furniture_rules, CadLibrary(), config, [elsewhere]).furniture
+
+    assert (table.identifier, found.identifier, new.identifier) == ("table1", "table3", "table2")
 
 
 def test_with_memory_one_image_is_too_little(render: Render, table_boxes: list[Box]) -> None:
