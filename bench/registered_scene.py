@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from bench.measuring import Report
 from fluentboard.model.geometry import FloatArray
 from fluentboard_modules.frames.sensor_frame import SensorFrame
-from fluentboard_modules.frames.sources import open_source
 from fluentboard_modules.mapping.cad_library import CadLibrary
 from fluentboard_modules.mapping.cloud_regions import regions_of_cloud
 from fluentboard_modules.mapping.config import MappingConfig, VerificationConfig
 from fluentboard_modules.mapping.depth_views import ViewMemory
+from fluentboard_modules.mapping.evaluate import simulated_room
 from fluentboard_modules.mapping.floor import sloping_floor
 from fluentboard_modules.mapping.protocol import rate, totals
 from fluentboard_modules.mapping.rules import FurnitureRules, load_rules
@@ -67,8 +67,8 @@ def whole_way(n_points: int) -> Report:
     columns: list[list[tuple[float, float]]] = []
     notes: list[str] = []
     for room in _ROOMS:
-        source = open_source(f"sim:{room}?seed=1&frames=60")
-        truth = source.scene  # type: ignore[attr-defined]
+        source = simulated_room(room, 1, 60)
+        truth = source.scene
         classes = [furniture.name for furniture in rules.furniture_classes]
         frames = _enough(list(source), n_points)
         rounds: list[list[tuple[float, float]]] = []

@@ -22,6 +22,7 @@ from fluentboard_modules.mapping.protocol import Row, area_under_curve, table_li
 from fluentboard_modules.mapping.rules import furniture_ontology, load_rules
 from fluentboard_modules.mapping.trials import MODES, Mode, Trial, run_trial, scene_library
 from fluentboard_modules.progress import FrameProgress
+from fluentboard_modules.simulation.drive import SimulatedDrive
 from fluentboard_ontology import read as read_ontology
 
 SCENES = ("office", "seminar", "restaurant")
@@ -115,11 +116,23 @@ def evaluate_recording(
     return trial
 
 
+def simulated_room(scene: str, seed: int, n_frames: int) -> SimulatedDrive:
+    """A drive through one of the simulated rooms.
+
+    Raises:
+        InvalidInput: it is no room.
+    """
+    source = open_source(f"sim:{scene}?seed={seed}&frames={n_frames}")
+    if not isinstance(source, SimulatedDrive):
+        raise InvalidInput(f"sim:{scene} is no room; give one of {', '.join(SCENES)}")
+    return source
+
+
 def simulated_trial(scene: str, mode: Mode, seed: int, n_frames: int) -> Trial:
     """One room and mode, with the CAD models of what stands there."""
-    source = open_source(f"sim:{scene}?seed={seed}&frames={n_frames}")
+    source = simulated_room(scene, seed, n_frames)
     rules = load_rules(read_ontology("furniture"))
-    truth = source.scene  # type: ignore[attr-defined]
+    truth = source.scene
     library = scene_library(truth, [furniture.name for furniture in rules.furniture_classes])
     # As in the thesis: every class that there is has a CAD model, and no other class is looked for.
     config = MappingConfig(verification=VerificationConfig(generic_models=False))
